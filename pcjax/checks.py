@@ -1,0 +1,47 @@
+"""Checks of plain numbers where objects are made. Traced values pass: they end as a status."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import jax
+import numpy as np
+
+
+def _plain(value: Any) -> float | None:
+    """The value as a float if it is one concrete number, else None (traced or batched)."""
+    if value is None or isinstance(value, jax.core.Tracer) or np.ndim(value) > 0:
+        return None
+    return float(value)
+
+
+def check_finite(name: str, value: Any) -> None:
+    """Raises ValueError unless `value` is a finite number."""
+    number = _plain(value)
+    if number is not None and not math.isfinite(number):
+        raise ValueError(f"{name} is {number}: it has to be a finite number")
+
+
+def check_positive(name: str, value: Any) -> None:
+    """Raises ValueError unless `value` is finite and above 0."""
+    check_finite(name, value)
+    number = _plain(value)
+    if number is not None and number <= 0:
+        raise ValueError(f"{name} is {number:g}: it has to be above 0")
+
+
+def check_between(name: str, value: Any, low: float, high: float) -> None:
+    """Raises ValueError unless low <= value <= high."""
+    check_finite(name, value)
+    number = _plain(value)
+    if number is not None and not low <= number <= high:
+        raise ValueError(f"{name} is {number:g}: it has to lie between {low:g} and {high:g}")
+
+
+def check_count(name: str, value: Any, low: int, high: int) -> None:
+    """Raises ValueError unless `value` is a whole number with low <= value <= high."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
+        raise ValueError(f"{name} is {value!r}: it has to be a whole number")
+    if not low <= value <= high:
+        raise ValueError(f"{name} is {value}: it has to lie between {low} and {high}")

@@ -1,0 +1,301 @@
+"""Many trials of many conditions: lanes in blocks of one size, refilled as trials end.
+
+One compiled program advances a block of lanes by one period of the drive. A lane is one trial of
+any one condition; between periods, lanes that have ended give their place to trials that wait.
+Worker threads (one per core, or one per accelerator) share one supply of waiting trials, so all
+cores stay busy and nobody waits for the slowest trial. What a trial does depends on
+(seed, trial number, condition) alone, never on its neighbours in the block.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Int32, UInt8
+from tqdm import tqdm
+
+from pcjax.checks import check_count
+from pcjax.engines.draws import period_draws, start_draws, trial_key
+from pcjax.engines.stepping import Stepping
+from pcjax.model.scenario import Scenario
+from pcjax.physics.step import INVALID, PAPER_DT, PASSED, RUNNING, State, at_rest
+from pcjax.planar import Vec, where
+
+LIMIT = 3
+"""Status of a trial that reached the step limit."""
+
+STATUS_NAMES = {PASSED: "passed", LIMIT: "limit", INVALID: "invalid"}
+"""What a trial can end as: through the goal, still there at the limit, or gone wrong."""
+
+_BLOCK = {"cpu": 1024}
+_BLOCK_ON_ACCELERATOR = 65_536
+"""Lanes per block. On a CPU a block's arrays have to fit in a core's cache; an accelerator needs
+enough lanes to fill it."""
+
+_SMALLEST_BLOCK = 64
+
+_COMPILER_OPTIONS = {
+    # Each worker thread runs its own block; XLA splitting small kernels among threads costs more
+    # than it brings.
+    "cpu": {"xla_cpu_multi_thread_eigen": False, "xla_cpu_prefer_vector_width": 512},
+}
+
+
+class Lanes(NamedTuple):
+    """A block of trials under way, as host arrays of shape (lanes,)."""
+
+    condition: np.ndarray
+    trial: np.ndarray
+    period: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    vx: np.ndarray
+    vy: np.ndarray
+    steps: np.ndarray
+    status: np.ndarray
+
+    @classmethod
+    def idle(cls, count: int, dtype: type) -> Lanes:
+        """Lanes with nothing to do."""
+        ints = [np.zeros(count, np.int32) for _ in range(3)]
+        floats = [np.zeros(count, dtype) for _ in range(4)]
+        return cls(*ints, *floats, np.zeros(count, np.int32), np.full(count, PASSED, np.int32))
+
+
+@dataclass(frozen=True)
+class Outcomes:
+    """How every trial of every condition ended.
+
+    Attributes:
+        steps: the paper's step (of 0.001 s) in which the trial ended, at most `max_steps`.
+        status: PASSED, LIMIT or INVALID (`STATUS_NAMES`).
+        max_steps: the step limit.
+    """
+
+    steps: Int32[np.ndarray, "conditions trials"]
+    status: UInt8[np.ndarray, "conditions trials"]
+    max_steps: int
+
+
+def run(
+    scenarios: Sequence[Scenario],
+    *,
+    trials: int,
+    max_steps: int,
+    seed: int = 0,
+    engine: Stepping,
+    precision: int = 32,
+    block: int | None = None,
+    workers: int | None = None,
+    progress: bool = False,
+) -> Outcomes:
+    """Runs trials 0 ... trials - 1 of every scenario.
+
+    Arguments:
+        scenarios: conditions with equal structure (numbers of limbs, kind of drive, period), which
+            then share one compiled program; their numbers may differ.
+        trials: trials per condition.
+        max_steps: limit in steps of 0.001 s, whatever step the engine takes.
+        seed: trial i depends on (seed, i) alone.
+        engine: how a trial is run.
+        precision: 32 or 64 bits.
+        block: lanes per block; chosen for the device unless given.
+        workers: threads on a CPU; one per core unless given.
+        progress: whether to show a bar on stderr (where that is a terminal).
+
+    Raises:
+        ValueError: a count out of range, or scenarios of unequal structure.
+    """
+    check_count("trials", trials, 1, 2**31 - 1)
+    check_count("max_steps", max_steps, 1, 2**31 - 1)
+    check_count("seed", seed, 0, 2**32 - 1)
+    if precision not in (32, 64):
+        raise ValueError(f"precision is {precision!r}: it has to be 32 or 64 (bits)")
+    if len({jax.tree.structure(scenario) for scenario in scenarios}) != 1:
+        raise ValueError(
+            "the scenarios differ in structure: conditions that run together need the same "
+            "numbers of limbs, the same drive and the same kind of contact"
+        )
+    dtype = np.float32 if precision == 32 else np.float64
+    stacked = jax.tree.map(lambda *leaves: np.asarray(leaves, dtype), *scenarios)
+    devices = jax.local_devices()
+    platform = devices[0].platform
+    crew = _crew(devices, workers)
+    total = len(scenarios) * trials
+    if block is None:
+        fair = -(-total // len(crew))
+        largest = _BLOCK.get(platform, _BLOCK_ON_ACCELERATOR)
+        block = min(largest, max(_SMALLEST_BLOCK, 1 << (fair - 1).bit_length()))
+    check_count("block", block, 1, 2**24)
+    ledger = _Ledger(scenarios[0].drive.period, engine, len(scenarios), trials, max_steps)
+    advance = functools.partial(
+        _advance_for(platform), engine=engine, stacked=stacked, seed=np.uint32(seed)
+    )
+    with tqdm(
+        total=total, desc="trials", unit="trial", disable=None if progress else True, leave=False
+    ) as bar, ThreadPoolExecutor(len(crew)) as pool:
+        ledger.on_end = bar.update
+        jobs = [
+            pool.submit(_work, ledger, advance, block, dtype, precision, device) for device in crew
+        ]
+        try:
+            done, _ = wait(jobs, return_when=FIRST_EXCEPTION)
+        finally:
+            ledger.stopped.set()
+        for job in done:
+            job.result()
+    return Outcomes(ledger.steps, ledger.status, max_steps)
+
+
+def _crew(devices: Sequence[Any], workers: int | None) -> list[Any]:
+    """The device that each worker thread uses."""
+    if devices[0].platform != "cpu":
+        return list(devices)
+    if workers is None:
+        # Cores that this process may use, where the system tells.
+        affinity = getattr(os, "sched_getaffinity", None)
+        workers = len(affinity(0)) if affinity else os.cpu_count() or 1
+    check_count("workers", workers, 1, 4096)
+    return [devices[k % len(devices)] for k in range(workers)]
+
+
+class _Ledger:
+    """The trials that wait and the results so far, shared by the workers."""
+
+    def __init__(
+        self, period: float, engine: Stepping, conditions: int, trials: int, max_steps: int
+    ) -> None:
+        self.steps = np.zeros((conditions, trials), np.int32)
+        self.status = np.zeros((conditions, trials), np.uint8)
+        self.stopped = threading.Event()
+        self.on_end: Callable[[int], Any] = lambda count: None
+        self._lock = threading.Lock()
+        self._next = 0
+        self._suspended: list[Lanes] = []
+        self._busy = 0
+        self._max_steps = max_steps
+        self._dt = engine.step_taken(period)
+        self._last_period = -(-max_steps // round(period / PAPER_DT)) - 1
+
+    def enter(self) -> None:
+        with self._lock:
+            self._busy += 1
+
+    def fill(self, lanes: Lanes) -> bool:
+        """Gives the lanes that have ended to waiting trials; False if the worker may go home.
+
+        A worker with less than half a block left and nothing waiting hands its trials to another.
+        """
+        with self._lock:
+            free = np.flatnonzero(lanes.status != RUNNING)
+            while self._suspended and len(free):
+                waiting = self._suspended.pop()
+                count = min(len(free), len(waiting.trial))
+                for mine, theirs in zip(lanes, waiting, strict=True):
+                    mine[free[:count]] = theirs[:count]
+                if count < len(waiting.trial):
+                    self._suspended.append(Lanes(*(a[count:] for a in waiting)))
+                free = free[count:]
+            count = min(len(free), self.steps.size - self._next)
+            fresh = self._next + np.arange(count)
+            self._next += count
+            into, free = free[:count], free[count:]
+            # All conditions of one trial follow each other, so an interrupted run is balanced.
+            lanes.trial[into], lanes.condition[into] = np.divmod(fresh, len(self.steps))
+            lanes.period[into] = 0
+            lanes.status[into] = RUNNING
+            running = np.flatnonzero(lanes.status == RUNNING)
+            if len(running) > len(lanes.trial) // 2 or self._busy == 1:
+                return len(running) > 0
+            if len(running):
+                self._suspended.append(Lanes(*(a[running] for a in lanes)))
+            self._busy -= 1
+            return False
+
+    def collect(self, lanes: Lanes, lag: np.ndarray, ran: np.ndarray) -> None:
+        """Takes down which of the trials that `ran` in the last period have ended."""
+        time = lanes.steps * self._dt - lag
+        paper_steps = np.maximum(np.ceil(time / PAPER_DT - 1e-6), 1)
+        late = (lanes.status == PASSED) & (paper_steps > self._max_steps)
+        out_of_time = (lanes.status == RUNNING) & (lanes.period > self._last_period)
+        lanes.status[ran & (late | out_of_time)] = LIMIT
+        ended = np.flatnonzero(ran & (lanes.status != RUNNING))
+        where_to = lanes.condition[ended], lanes.trial[ended]
+        with self._lock:
+            self.status[where_to] = lanes.status[ended]
+            self.steps[where_to] = np.minimum(paper_steps[ended], self._max_steps)
+            self.on_end(len(ended))
+
+
+def _work(
+    ledger: _Ledger,
+    advance: Callable[..., Any],
+    block: int,
+    dtype: type,
+    precision: int,
+    device: Any,
+) -> None:
+    lanes = Lanes.idle(block, dtype)
+    ledger.enter()
+    with jax.enable_x64(precision == 64), jax.default_device(device):
+        while not ledger.stopped.is_set() and ledger.fill(lanes):
+            ran = lanes.status == RUNNING
+            moved, lag = jax.device_get(advance(lanes=lanes))
+            lanes = Lanes(*(np.array(leaf) for leaf in moved))
+            ledger.collect(lanes, lag, ran)
+
+
+@functools.cache
+def _advance_for(platform: str) -> Callable[..., Any]:
+    return jax.jit(
+        _advance_block,
+        static_argnames=("engine",),
+        compiler_options=_COMPILER_OPTIONS.get(platform),
+    )
+
+
+def _advance_block(
+    *, engine: Stepping, stacked: Scenario, seed: jax.Array, lanes: Lanes
+) -> tuple[Lanes, jax.Array]:
+    """One period for a block of lanes, with each lane's lag (see `Stepping.run_period`)."""
+
+    def prepare(lane: Lanes) -> tuple[Any, Any, State]:
+        scenario = jax.tree.map(lambda leaf: leaf[lane.condition], stacked)
+        drive = scenario.drive
+        key = trial_key(seed, lane.trial)
+        first = lane.period == 0
+        before = period_draws(key, jnp.maximum(lane.period - 1, 0), drive.targets_per_period)
+        draws = period_draws(key, lane.period, drive.targets_per_period)
+        begin = at_rest(scenario.start(start_draws(key, scenario.draws_for_start)))
+        state = State(
+            where(first, begin.position, Vec(lane.x, lane.y)),
+            where(first, begin.velocity, Vec(lane.vx, lane.vy)),
+            begin.clock,
+            jnp.where(first, 0, lane.steps),
+            lane.status,
+        )
+        return scenario.world(), drive.swing(before, draws, first), state
+
+    worlds, swings, states = jax.vmap(prepare)(lanes)
+    states, lag = engine.run_period(worlds, swings, states)
+    moved = Lanes(
+        lanes.condition,
+        lanes.trial,
+        lanes.period + 1,
+        states.position.x,
+        states.position.y,
+        states.velocity.x,
+        states.velocity.y,
+        states.steps,
+        states.status,
+    )
+    return moved, lag

@@ -1,0 +1,150 @@
+"""Trials by fixed steps: `lax.scan` over `step`. At the paper's dt this is the reference."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from pcjax.checks import check_between, check_positive
+from pcjax.engines.draws import period_draws, start_draws, trial_key
+from pcjax.model.drive import Swing
+from pcjax.model.scenario import Scenario, World
+from pcjax.physics.step import PAPER_DT, RUNNING, State, advance, at_rest
+from pcjax.planar import Scalar, Vec
+
+_CHUNK = 50
+"""Steps between two looks at whether anybody in the batch is still under way."""
+
+_LANES = State(Vec(0, 0), Vec(0, 0), None, 0, 0)  # type: ignore[arg-type]
+"""vmap axes of a batch of states: the clock is shared."""
+
+
+@dataclass(frozen=True)
+class Stepping:
+    """The engine that takes fixed steps.
+
+    Arguments:
+        dt: the step asked for, s. The step taken is the largest one not above it that divides a
+            period of the drive into a whole number of chunks of 50 steps.
+
+    Raises:
+        ValueError: a step that is not positive, or above 0.2 s.
+    """
+
+    dt: float = PAPER_DT
+    name = "stepping"
+
+    def __post_init__(self) -> None:
+        check_positive("dt", self.dt)
+        check_between("dt", self.dt, 1e-6, 0.2)
+
+    def steps_per_period(self, period: float) -> int:
+        """Steps in one period of the drive."""
+        return _CHUNK * math.ceil(period / self.dt / _CHUNK - 1e-9)
+
+    def step_taken(self, period: float) -> float:
+        """The step taken, s."""
+        return period / self.steps_per_period(period)
+
+    def run_period(
+        self, worlds: World, swings: Swing, states: State
+    ) -> tuple[State, Float[Array, " lanes"]]:
+        """Takes a batch of trials through one period of their drives.
+
+        Arguments:
+            worlds, swings, states: batches; every leaf has the lanes as its first axis, but for
+                the states' shared clock.
+
+        Returns:
+            The states at the end of the period, and for each how many seconds before the end of
+            its last step the goal line was crossed (meaningless if it was not).
+        """
+        period = worlds.drive.period
+        chunks = self.steps_per_period(period) // _CHUNK
+        dt = jnp.asarray(self.step_taken(period), worlds.body.radius.dtype)
+        lanes = jax.vmap(
+            lambda world, swing, state: advance(world, swing, state, dt),
+            in_axes=(0, 0, _LANES),
+            out_axes=_LANES,
+        )
+
+        def chunk(carry: tuple[Array, State]) -> tuple[Array, State]:
+            count, states = carry
+            states, _ = jax.lax.scan(
+                lambda states, _: (lanes(worlds, swings, states), None),
+                states,
+                length=_CHUNK,
+            )
+            return count + 1, states
+
+        def unfinished(carry: tuple[Array, State]) -> Array:
+            count, states = carry
+            return (count < chunks) & jnp.any(states.status == RUNNING)
+
+        start = (jnp.zeros((), jnp.int32), with_clock_at_zero(states))
+        _, states = jax.lax.while_loop(unfinished, chunk, start)
+        return states, jax.vmap(_lag, in_axes=(0, _LANES, None))(worlds, states, dt)
+
+
+def with_clock_at_zero(states: State) -> State:
+    """The states at the start of a new period."""
+    zero = jnp.zeros((), jnp.int32)
+    return State(states.position, states.velocity, zero, states.steps, states.status)
+
+
+def _lag(world: World, state: State, dt: Scalar) -> Scalar:
+    """Seconds since the goal line was crossed, for a trial that crossed it in its last step."""
+    speed = world.goal.beyond(state.position + state.velocity) - world.goal.beyond(state.position)
+    lag = world.goal.beyond(state.position) / jnp.maximum(speed, 1e-12)
+    return jnp.clip(lag, 0.0, dt * (1 - 1e-6))
+
+
+def trajectory(
+    scenario: Scenario,
+    *,
+    seed: int = 0,
+    trial: int = 0,
+    periods: int = 1,
+    dt: float = PAPER_DT,
+) -> State:
+    """One trial, step by step: the state after each step, stacked along a first axis.
+
+    Differentiable with respect to every leaf of the scenario, in forward and reverse mode.
+
+    Arguments:
+        scenario: the condition.
+        seed, trial: which experiment; the same as trial `trial` of `pcjax.evaluate(seed=seed)`.
+        periods: how many periods of the drive to run (10 s each in the paper).
+        dt: the step, s.
+
+    Returns:
+        `State` whose leaves have shape (periods * steps per period,).
+    """
+    drive = scenario.drive
+    engine = Stepping(dt)
+    key = trial_key(seed, trial)
+    world = scenario.world()
+    step_taken = engine.step_taken(drive.period)
+
+    def period(carry: tuple[State, Array], k: Array) -> tuple[tuple[State, Array], State]:
+        state, before = carry
+        draws = period_draws(key, k, drive.targets_per_period)
+        swing = drive.swing(before, draws, k == 0)
+
+        def one(state: State, _: None) -> tuple[State, State]:
+            state = advance(world, swing, state, step_taken)
+            return state, state
+
+        state, states = jax.lax.scan(
+            one, with_clock_at_zero(state), length=engine.steps_per_period(drive.period)
+        )
+        return (state, draws), states
+
+    start = at_rest(scenario.start(start_draws(key, scenario.draws_for_start)))
+    blank = jnp.zeros(drive.targets_per_period)
+    _, states = jax.lax.scan(period, (start, blank), jnp.arange(periods))
+    return jax.tree.map(lambda leaf: leaf.reshape(-1), states)

@@ -1,0 +1,67 @@
+"""What happens at a contact: restitution, rest, and how sharply contact switches on."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from pcjax.checks import check_between, check_finite
+from pcjax.planar import Scalar
+
+
+class ContactLaw(eqx.Module):
+    """Hard or smoothed contact with restitution.
+
+    | field | unit | usual | what changes with it |
+    | --- | --- | --- | --- |
+    | restitution | 1 | 0.1 | e_r in (7), the share of normal speed kept by an impact |
+    | resting_speed | length / s | 0.05 | impacts slower than this are inelastic; it has to stay far \
+below the speeds that matter (some 10 to 100) |
+    | smoothing | length | 0 | half width of the layer over which contact switches on; 0 is the \
+paper's hard contact |
+
+    Smoothed and hard contact are one code path: `switch` and `ramp` are the step function and its
+    integral, or smooth versions of them with support [-smoothing, smoothing].
+
+    Raises:
+        ValueError: restitution outside [0, 1], or a negative resting speed or smoothing width.
+    """
+
+    restitution: Scalar
+    resting_speed: Scalar
+    smoothing: Scalar | None
+
+    def __init__(
+        self,
+        restitution: Scalar = 0.1,
+        resting_speed: Scalar = 0.05,
+        smoothing: Scalar | None = None,
+    ):
+        check_between("restitution", restitution, 0.0, 1.0)
+        check_finite("resting_speed", resting_speed)
+        check_between("resting_speed", resting_speed, 0.0, float("inf"))
+        self.restitution = restitution
+        self.resting_speed = resting_speed
+        if smoothing is not None:
+            check_between("smoothing", smoothing, 0.0, float("inf"))
+        # Zero width has no leaf: the compiled hard contact carries nothing of the smoothed one.
+        self.smoothing = None if isinstance(smoothing, (int, float)) and smoothing == 0 else smoothing
+
+    def switch(self, penetration: Scalar) -> Scalar:
+        """How far contact is on, from 0 to 1."""
+        if self.smoothing is None:
+            return jnp.where(penetration > 0, 1.0, 0.0)
+        z = self._layer(penetration)
+        return z * z * (3.0 - 2.0 * z)
+
+    def ramp(self, penetration: Scalar) -> Scalar:
+        """How far to push out: the integral of `switch`, negative where nothing is to be pushed."""
+        if self.smoothing is None:
+            return penetration
+        z = self._layer(penetration)
+        inside = self.smoothing * z * z * z * (2.0 - z)
+        outside = jnp.where(z > 0, inside, penetration + self.smoothing)
+        return jnp.where(z < 1, outside, penetration)
+
+    def _layer(self, penetration: Scalar) -> Scalar:
+        return jnp.clip(0.5 * (penetration / self.smoothing + 1.0), 0.0, 1.0)

@@ -1,0 +1,111 @@
+"""What moves the hand: where gravity points in the hand frame at each instant of a trial."""
+
+from __future__ import annotations
+
+import math
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from pcjax.checks import check_between, check_finite, check_positive
+from pcjax.planar import Flag, Scalar, Vec, where
+
+
+class Pull(eqx.Module):
+    """The object's acceleration (2) at a step's start, middle and end."""
+
+    start: Vec
+    middle: Vec
+    end: Vec
+
+
+class Swing(eqx.Module):
+    """One period of a wrist: tilt (T1, T2) at its start, target tilt, and gravity once there."""
+
+    start: Vec
+    target: Vec
+    held: Vec
+
+
+class WristTilt(eqx.Module):
+    """The wrist manipulator of Sec. 3.3: it tilts the hand's plane, the hand itself stays put.
+
+    In every period both angles move at uniform speed from where they are to new targets
+    T1, T2 ~ U(-amplitude, amplitude), reach them after `ramp_time` and hold them. T1 = T2 = 0 at
+    the start of a trial.
+
+    Arguments:
+        amplitude: largest tilt, radians.
+        gravity: g, length / s^2.
+        ramp_time: seconds of each period in which the wrist turns (fixed when compiled).
+        period: seconds between draws of new targets (fixed when compiled).
+
+    Raises:
+        ValueError: an amplitude outside [0, pi/2], a ramp longer than the period, a period that
+            is not positive, or gravity that is not a finite number of at least 0.
+    """
+
+    amplitude: Scalar
+    gravity: Scalar
+    ramp_time: float = eqx.field(static=True)
+    period: float = eqx.field(static=True)
+
+    targets_per_period = 2
+
+    def __init__(
+        self,
+        amplitude: Scalar = math.pi / 6,
+        gravity: Scalar = 9.8,
+        ramp_time: float = 1.0,
+        period: float = 10.0,
+    ):
+        check_between("amplitude", amplitude, 0.0, math.pi / 2)
+        check_finite("gravity", gravity)
+        check_between("gravity", gravity, 0.0, math.inf)
+        check_positive("period", period)
+        check_positive("ramp_time", ramp_time)
+        check_between("ramp_time", ramp_time, 0.0, period)
+        self.amplitude = amplitude
+        self.gravity = gravity
+        self.ramp_time = float(ramp_time)
+        self.period = float(period)
+
+    def swing(
+        self, before: Float[Array, "2"], draws: Float[Array, "2"], first: Flag
+    ) -> Swing:
+        """The period that follows the draws `before` with `draws`, both uniform on [0, 1).
+
+        In the `first` period of a trial the wrist starts level, whatever `before` is.
+        """
+        level = Vec(0.0 * draws[0], 0.0 * draws[1])
+        start = where(first, level, self._tilt(before))
+        target = self._tilt(draws)
+        return Swing(start, target, self._gravity_at(target))
+
+    def pull(self, swing: Swing, time: Scalar, dt: Scalar) -> Pull:
+        """Gravity in the hand frame over the step from `time` to `time + dt` (s) of a period."""
+
+        def turning() -> Pull:
+            return Pull(*(self._gravity_during(swing, time + share * dt) for share in (0, 0.5, 1)))
+
+        def held() -> Pull:
+            return Pull(swing.held, swing.held, swing.held)
+
+        # The time in the period is the same for all lanes of a batch, so this stays a branch
+        # under vmap and the trigonometry costs nothing while the tilt is held.
+        return jax.lax.cond(time < self.ramp_time, turning, held)
+
+    def _tilt(self, draws: Float[Array, "2"]) -> Vec:
+        return Vec(*(self.amplitude * (2.0 * draws[k] - 1.0) for k in (0, 1)))
+
+    def _gravity_during(self, swing: Swing, time: Scalar) -> Vec:
+        share = jnp.minimum(time / self.ramp_time, 1.0)
+        return self._gravity_at(swing.start + (swing.target - swing.start) * share)
+
+    def _gravity_at(self, tilt: Vec) -> Vec:
+        # (1), first two components
+        return Vec(
+            self.gravity * jnp.sin(tilt.x), -self.gravity * jnp.cos(tilt.x) * jnp.sin(tilt.y)
+        )

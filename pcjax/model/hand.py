@@ -1,0 +1,166 @@
+"""The hand: two fingers of limbs on a palm, its forward kinematics, its gap and its goal line."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from pcjax.checks import check_finite, check_positive
+from pcjax.planar import Flag, Scalar, Segment, Vec, segments_cross, segments_gap, where
+
+FingerValues = tuple[tuple[Scalar, ...], tuple[Scalar, ...]]
+
+
+class Goal(eqx.Module):
+    """The line whose crossing ends a trial, from finger 1's side `a` to finger 2's side `b`."""
+
+    a: Vec
+    b: Vec
+
+    def beyond(self, point: Vec) -> Scalar:
+        """Signed distance of `point` past the line, positive outside."""
+        along = self.b - self.a
+        return along.cross(point - self.a) / jnp.sqrt(along.dot(along))
+
+    def between(self, point: Vec) -> Flag:
+        """Whether `point` projects onto the line between the two fingers."""
+        along = self.b - self.a
+        share = along.dot(point - self.a)
+        return (share > 0) & (share < along.dot(along))
+
+
+class HandDesign(eqx.Module):
+    """A planar two-fingered hand; every length and angle is a traced leaf.
+
+    The hand frame has its origin at the palm's middle, +x along the palm and +y the way the hand
+    points. Finger 1 starts at the palm's left end, finger 2 at its right end. With all joint angles
+    zero a limb continues its predecessor; positive angles turn a finger towards the hand's axis.
+
+    Arguments:
+        palm_length: L_p, a length.
+        lengths: (finger 1's, finger 2's) limb lengths L_ij, from the palm outwards.
+        angles: (finger 1's, finger 2's) joint angles theta_ij in radians.
+
+    Raises:
+        ValueError: a length that is not positive, a number that is not finite, a finger without
+            limbs or with unequal numbers of lengths and angles. Traced values are not checked.
+    """
+
+    palm_length: Scalar
+    lengths: FingerValues
+    angles: FingerValues
+
+    def __init__(self, palm_length: Scalar, lengths: FingerValues, angles: FingerValues):
+        self.palm_length = palm_length
+        self.lengths = (tuple(lengths[0]), tuple(lengths[1]))
+        self.angles = (tuple(angles[0]), tuple(angles[1]))
+        check_positive("palm_length", palm_length)
+        for finger, (ls, ts) in enumerate(zip(self.lengths, self.angles, strict=True), start=1):
+            if len(ls) == 0 or len(ls) != len(ts):
+                raise ValueError(
+                    f"finger {finger} has {len(ls)} limb lengths and {len(ts)} joint angles: "
+                    "give one angle for each length, and at least one limb"
+                )
+            for j, (length, angle) in enumerate(zip(ls, ts, strict=True), start=1):
+                check_positive(f"length L_{finger}{j}", length)
+                check_finite(f"joint angle theta_{finger}{j}", angle)
+
+    def limbs(self) -> tuple[Segment, ...]:
+        """Forward kinematics: the palm (left to right), finger 1's limbs, finger 2's limbs."""
+        half = self.palm_length / 2
+        palm = Segment(Vec(-half, 0.0 * half), Vec(1.0 + 0.0 * half, 0.0 * half), self.palm_length)
+        return (palm, *self.finger(0), *self.finger(1))
+
+    def finger(self, i: int) -> tuple[Segment, ...]:
+        """The limbs of finger `i` (0 or 1), from the palm outwards."""
+        side = (-1.0, 1.0)[i]
+        joint, heading, limbs = Vec(side * self.palm_length / 2, 0.0), 0.0, []
+        for length, angle in zip(self.lengths[i], self.angles[i], strict=True):
+            heading = heading + angle
+            limb = Segment(joint, Vec(side * jnp.cos(heading), jnp.sin(heading)), length)
+            limbs.append(limb)
+            joint = limb.end
+        return tuple(limbs)
+
+    def goal(self) -> Goal:
+        """The goal line: tip joints or tip ends (20), whichever lies farther out along +y."""
+        tips = self.finger(0)[-1], self.finger(1)[-1]
+        joints, ends = Goal(tips[0].start, tips[1].start), Goal(tips[0].end, tips[1].end)
+        ends_out = ends.a.y + ends.b.y > joints.a.y + joints.b.y
+        return Goal(where(ends_out, ends.a, joints.a), where(ends_out, ends.b, joints.b))
+
+    def gap(self) -> Scalar:
+        """The narrowest passage out of the hand: the least distance between the two fingers.
+
+        An object that is wider is in a full cage.
+        """
+        pairs = [(a, b) for a in self.finger(0) for b in self.finger(1)]
+        least = segments_gap(*pairs[0])
+        for a, b in pairs[1:]:
+            least = jnp.minimum(least, segments_gap(a, b))
+        return least
+
+    def crossings(self) -> dict[tuple[str, str], Flag]:
+        """For each pair of limbs that do not share a joint, whether they cross."""
+        names, chains = self.limb_names(), self.limbs()
+        n1 = len(self.lengths[0])
+        joined = {(0, 1), (0, n1 + 1)}
+        joined |= set(pairwise(range(1, n1 + 1))) | set(pairwise(range(n1 + 1, len(chains))))
+        return {
+            (names[i], names[j]): segments_cross(chains[i], chains[j])
+            for i in range(len(chains))
+            for j in range(i + 1, len(chains))
+            if (i, j) not in joined
+        }
+
+    def limb_names(self) -> tuple[str, ...]:
+        """A readable name for each of `limbs()`."""
+        fingers = [
+            f"finger {i + 1}'s limb {j + 1}" for i in (0, 1) for j in range(len(self.lengths[i]))
+        ]
+        return ("the palm", *fingers)
+
+    def with_fingertips_turned(self) -> HandDesign:
+        """The hand for EoEn (Fig. 8(b)): each fingertip on the other side of the limb it sits on."""
+        turned = [(*angles[:-1], -angles[-1]) for angles in self.angles]
+        return HandDesign(self.palm_length, self.lengths, (turned[0], turned[1]))
+
+
+def box_hand(
+    fingertip_angle: Scalar = math.radians(10.0),
+    *,
+    palm_length: Scalar = 500.0,
+    gap_width: Scalar | None = None,
+    fingertip_length: Scalar | None = None,
+    side_length: Scalar | None = None,
+) -> HandDesign:
+    """The box-shaped hand of Sec. 3.3: side, lid and fingertip on either side of the palm.
+
+    Arguments:
+        fingertip_angle: theta_g (21) in radians; 0 points the fingertips straight at the palm,
+            positive angles close the gate.
+        palm_length: L_p.
+        gap_width: W_g (20), between the fingertips' joints; 0.4 L_p unless given.
+        fingertip_length: L_g (19); 0.2 L_p unless given.
+        side_length: L_11 = L_21; L_p unless given.
+
+    Raises:
+        ValueError: a length that is not positive, or a gap as wide as the palm or wider.
+    """
+    check_positive("palm_length", palm_length)
+    check_finite("fingertip_angle", fingertip_angle)
+    gap_width = 0.4 * palm_length if gap_width is None else gap_width
+    fingertip_length = 0.2 * palm_length if fingertip_length is None else fingertip_length
+    side_length = palm_length if side_length is None else side_length
+    check_positive("gap_width", gap_width)
+    check_positive("fingertip_length", fingertip_length)
+    check_positive("side_length", side_length)
+    lid = (palm_length - gap_width) / 2
+    check_positive("lid length (palm_length - gap_width) / 2", lid)
+    lengths = (side_length, lid, fingertip_length)
+    right = math.pi / 2
+    angles = (right, right, right - fingertip_angle)  # (21)
+    return HandDesign(palm_length, (lengths, lengths), (angles, angles))

@@ -1,0 +1,169 @@
+"""A scenario: one hand, object, drive and contact law, and where the object starts."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from pcjax.checks import check_between
+from pcjax.model.body import Circle
+from pcjax.model.contact_law import ContactLaw
+from pcjax.model.drive import WristTilt
+from pcjax.model.hand import Goal, HandDesign
+from pcjax.planar import Flag, Scalar, Segment, Vec
+
+
+class World(eqx.Module):
+    """What a step needs of a scenario, worked out once: limbs and goal in place of the design."""
+
+    limbs: tuple[Segment, ...]
+    goal: Goal
+    body: Circle
+    drive: WristTilt
+    law: ContactLaw
+
+
+class Scenario(eqx.Module):
+    """One condition: everything but the random draws, the step limit and the solver's step.
+
+    The hand is the one that is simulated; `does` and `eoen` make it from a design.
+    """
+
+    hand: HandDesign
+    body: Circle
+    drive: WristTilt
+    law: ContactLaw
+    start_spread: Scalar
+
+    draws_for_start = 3
+
+    def __init__(
+        self,
+        hand: HandDesign,
+        body: Circle,
+        drive: WristTilt | None = None,
+        law: ContactLaw | None = None,
+        start_spread: Scalar = 0.1,
+    ):
+        check_between("start_spread", start_spread, 0.0, 1.0)
+        self.hand = hand
+        self.body = body
+        self.drive = WristTilt() if drive is None else drive
+        self.law = ContactLaw() if law is None else law
+        self.start_spread = start_spread
+
+    def world(self) -> World:
+        """Forward kinematics and goal line, for `pcjax.physics.step.advance`."""
+        return World(self.hand.limbs(), self.hand.goal(), self.body, self.drive, self.law)
+
+    def start(self, draws: Float[Array, "3"]) -> Vec:
+        """The object's first centre, "near either end of the palm", from draws uniform on [0, 1).
+
+        The circle touches the palm and its first limb at one of the two ends (even chance), plus
+        U(0, start_spread L_p) inwards along the palm and the same along the hand's axis.
+        """
+        left = draws[0] < 0.5
+        spread = self.start_spread * self.hand.palm_length
+        side = jnp.where(left, -1.0, 1.0)
+        corner = jnp.where(left, self._corner_inset(0), self._corner_inset(1))
+        x = side * (self.hand.palm_length / 2 - corner - draws[1] * spread)
+        return Vec(x, self.body.radius + draws[2] * spread)
+
+    def _corner_inset(self, finger: int) -> Scalar:
+        # The circle's centre lies on the bisector of the corner between palm and first limb.
+        return self.body.radius * jnp.tan(self.hand.angles[finger][0] / 2)
+
+    def start_clearance(self) -> Scalar:
+        """Least distance between the circle and a limb over all starts; negative: does not fit."""
+        corners = [
+            self.start(jnp.array([end, along, up]))
+            for end in (0.0, 0.9)
+            for along in (0.0, 1.0)
+            for up in (0.0, 1.0)
+        ]
+        edges = ((0, 1), (0, 2), (1, 3), (2, 3), (4, 5), (4, 6), (5, 7), (6, 7))
+        limbs = self.hand.limbs()
+        # A limb comes closest to a rectangle at a corner of one or at an end of the other, unless
+        # it cuts through; then it cuts an edge or has an end inside.
+        least = jnp.inf
+        for limb in limbs:
+            for corner in corners:
+                least = jnp.minimum(least, limb.distance(corner))
+            for point in (limb.start, limb.end):
+                for first in (0, 4):
+                    least = jnp.minimum(
+                        least, _distance_to_box(point, corners[first], corners[first + 3])
+                    )
+            for i, j in edges:
+                least = jnp.where(_cuts(limb, corners[i], corners[j]), 0.0, least)
+        return least - self.body.radius
+
+
+def _distance_to_box(point: Vec, a: Vec, b: Vec) -> Scalar:
+    """Distance from a point to the filled box with opposite corners a and b."""
+    dx = point.x - jnp.clip(point.x, jnp.minimum(a.x, b.x), jnp.maximum(a.x, b.x))
+    dy = point.y - jnp.clip(point.y, jnp.minimum(a.y, b.y), jnp.maximum(a.y, b.y))
+    return jnp.sqrt(dx * dx + dy * dy)
+
+
+def _cuts(limb: Segment, a: Vec, b: Vec) -> Flag:
+    """Whether a limb cuts the line from a to b."""
+    along = b - a
+    by_limb = limb.tangent.cross(a - limb.start) * limb.tangent.cross(b - limb.start) < 0
+    by_line = along.cross(limb.start - a) * along.cross(limb.end - a) < 0
+    return by_limb & by_line
+
+
+@jax.jit
+def _geometry(scenario: Scenario) -> tuple[Scalar, Scalar, dict[tuple[str, str], Flag]]:
+    return scenario.start_clearance(), scenario.hand.gap(), scenario.hand.crossings()
+
+
+def check_geometry(scenario: Scenario) -> float:
+    """Checks a scenario whose numbers are concrete and returns the hand's gap.
+
+    Raises:
+        ValueError: limbs that cross each other or the palm, or a circle that does not fit at one
+            of its starts.
+    """
+    with jax.enable_x64(True):
+        clearance, gap, crossings = jax.device_get(_geometry(scenario))
+    for (a, b), crossed in crossings.items():
+        if crossed:
+            raise ValueError(
+                f"{b} crosses {a}: limbs may touch but not cross; shorten it or change its angle"
+            )
+    if clearance < -1e-9 * float(scenario.hand.palm_length):
+        raise ValueError(
+            f"the circle of radius {float(scenario.body.radius):g} does not fit at its start "
+            f"near the palm's ends (it overlaps a limb by {-clearance:.3g}): "
+            "a smaller radius or a smaller start spread fits"
+        )
+    return float(gap)
+
+
+def does(
+    hand: HandDesign,
+    body: Circle,
+    drive: WristTilt | None = None,
+    law: ContactLaw | None = None,
+    start_spread: Scalar = 0.1,
+) -> Scenario:
+    """Difficulty of escaping (Fig. 8(a)): the hand as it is, the object inside."""
+    return Scenario(hand, body, drive, law, start_spread)
+
+
+def eoen(
+    hand: HandDesign,
+    body: Circle,
+    drive: WristTilt | None = None,
+    law: ContactLaw | None = None,
+    start_spread: Scalar = 0.1,
+) -> Scenario:
+    """Ease of entering (Fig. 8(b)): the object has to pass the fingertips from their back.
+
+    It is outside but virtually confined: the same box, the fingertips turned to the other side.
+    """
+    return Scenario(hand.with_fingertips_turned(), body, drive, law, start_spread)

@@ -1,0 +1,132 @@
+"""What a contact does: the impact (7) at its time within the step, and being held off the limbs."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from pcjax.model.contact_law import ContactLaw
+from pcjax.physics.collide import Contact
+from pcjax.planar import Scalar, Vec, fence, safe_sqrt, unit_and_length
+
+_INACTIVE = -1e30
+"""A bound that never binds, for a contact that is off."""
+
+
+class Motion(eqx.Module):
+    """Position and velocity at the end of a step under one constant acceleration."""
+
+    position: Vec
+    velocity: Vec
+    acceleration: Vec
+
+
+def bounce(
+    law: ContactLaw, contact: Contact, radius: Scalar, end: Motion, dt: Scalar, one: Scalar
+) -> Motion:
+    """Resolves the impact with one limb at its time within the step that led to `end`.
+
+    The time since the impact follows from the penetration at the end of the step; the normal is
+    taken at the impact (once refined, so that a limb's round end is met to second order), the
+    impulse (7) acts there, and what it changes of the velocity is carried on to the end of the
+    step. On a straight limb under constant acceleration this is exact.
+    """
+    normal, distance = unit_and_length(contact.offset)
+    penetration = radius - distance
+    since = fence(_time_since_contact(normal, penetration, end, dt), one)
+    back = _way_back(end, since)
+    normal, distance = contact.after(back)
+    # How deep the end of the step lies below the tangent plane at the estimated impact.
+    depth = radius - distance + normal.dot(back)
+    since = _time_since_contact(normal, depth, end, dt)
+    since = fence(jnp.where(penetration > 0, since, 0.0), one)
+    normal, _ = contact.after(_way_back(end, since))
+    approach = -(end.velocity - end.acceleration * since).dot(normal)  # (3): only if positive
+    restitution = jnp.where(approach > law.resting_speed, law.restitution, 0.0)
+    change = law.switch(penetration) * (1.0 + restitution) * jnp.maximum(approach, 0.0)  # (7)
+    kick = normal * fence(change, one)
+    return Motion(end.position + kick * since, end.velocity + kick, end.acceleration)
+
+
+def _way_back(end: Motion, time: Scalar) -> Vec:
+    """From where the motion ends to where it was `time` seconds earlier."""
+    return (end.acceleration * (0.5 * time) - end.velocity) * time
+
+
+def _time_since_contact(normal: Vec, penetration: Scalar, end: Motion, dt: Scalar) -> Scalar:
+    """Seconds before the end of the step at which a penetration began, in [0, dt].
+
+    With speed u and acceleration a into the limb, penetration = u s - a s^2 / 2.
+    """
+    inwards = -end.velocity.dot(normal)
+    pressing = -end.acceleration.dot(normal)
+    denominator = inwards + safe_sqrt(inwards * inwards - 2.0 * pressing * penetration)
+    entered = (penetration > 0) & (denominator > 0)
+    since = 2.0 * penetration / jnp.where(entered, denominator, 1.0)
+    return jnp.where(entered, jnp.minimum(since, dt), jnp.where(penetration > 0, dt, 0.0))
+
+
+def hold_off(
+    law: ContactLaw,
+    contacts: tuple[Contact, Contact],
+    radius: Scalar,
+    end: Motion,
+    move: Vec,
+    dt: Scalar,
+    one: Scalar,
+) -> Motion:
+    """Takes the circle out of both limbs and turns back what still moves it into them.
+
+    This keeps a sliding circle on its limb and a resting one in its corner, where approach is no
+    more than the step's acceleration makes it; on a straight limb it leaves the motion along the
+    limb untouched. A faster approach is a second impact in the same step and keeps its restitution.
+
+    Arguments:
+        contacts: as seen from the end of the step's free motion.
+        end: the motion after the first impact.
+        move: from the end of the free motion to `end.position`.
+    """
+    normals, depths = [], []
+    for contact in contacts:
+        normal, distance = contact.after(move)
+        normals.append(normal)
+        depths.append(fence(radius - distance, one))
+    overlap = normals[0].dot(normals[1])
+    out = _least_push(overlap, *(law.ramp(depth) for depth in depths))
+    gates = [law.switch(depth) for depth in depths]
+    needs = [
+        fence(jnp.where(gate > 0, _turn_back(law, normal, end, dt), _INACTIVE), one)
+        for gate, normal in zip(gates, normals, strict=True)
+    ]
+    turn = _least_push(overlap, *needs)
+    position, velocity = end.position, end.velocity
+    for normal, gate, push, stop in zip(normals, gates, out, turn, strict=True):
+        position = position + normal * fence(push, one)
+        velocity = velocity + normal * fence(gate * stop, one)
+    return Motion(position, velocity, end.acceleration)
+
+
+def _turn_back(law: ContactLaw, normal: Vec, end: Motion, dt: Scalar) -> Scalar:
+    """The change of normal velocity (7) that a limb in contact asks for."""
+    approach = -end.velocity.dot(normal)
+    resting = law.resting_speed + jnp.maximum(-end.acceleration.dot(normal), 0.0) * dt
+    return approach * (1.0 + jnp.where(approach > resting, law.restitution, 0.0))
+
+
+def _least_push(overlap: Scalar, need_a: Scalar, need_b: Scalar) -> tuple[Scalar, Scalar]:
+    """The pushes along two unit normals that give each at least the displacement it needs.
+
+    Pushes are never negative, and zero where not needed (a linear complementarity problem of two
+    unknowns): the sum moves along normal a by at least `need_a` and along b by at least `need_b`.
+    `overlap` is the normals' dot product.
+    """
+    alone_a, alone_b = jnp.maximum(need_a, 0.0), jnp.maximum(need_b, 0.0)
+    a_suffices = overlap * alone_a >= need_b
+    b_suffices = overlap * alone_b >= need_a
+    # Normals closer to antiparallel than this would ask for pushes of a thousand penetrations.
+    inverse = 1.0 / jnp.maximum(1.0 - overlap * overlap, 1e-6)
+    both_a = (need_a - overlap * need_b) * inverse
+    both_b = (need_b - overlap * need_a) * inverse
+    push_a = jnp.where(a_suffices, alone_a, jnp.where(b_suffices, 0.0, both_a))
+    push_b = jnp.where(a_suffices, 0.0, jnp.where(b_suffices, alone_b, both_b))
+    return push_a, push_b

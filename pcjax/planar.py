@@ -1,0 +1,111 @@
+"""Plane vectors as pairs of scalars.
+
+Every component stays a scalar of its own, so under `jax.vmap` it becomes one contiguous array
+and the elementwise arithmetic of a whole step fuses into few loops.
+"""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+Scalar = Float[Array, ""] | float
+Flag = Bool[Array, ""] | bool
+
+
+class Vec(eqx.Module):
+    """A vector (x, y) in the plane."""
+
+    x: Scalar
+    y: Scalar
+
+    def __add__(self, other: Vec) -> Vec:
+        return Vec(self.x + other.x, self.y + other.y)
+
+    def __sub__(self, other: Vec) -> Vec:
+        return Vec(self.x - other.x, self.y - other.y)
+
+    def __mul__(self, factor: Scalar) -> Vec:
+        return Vec(self.x * factor, self.y * factor)
+
+    def dot(self, other: Vec) -> Scalar:
+        return self.x * other.x + self.y * other.y
+
+    def cross(self, other: Vec) -> Scalar:
+        """The z component of the cross product."""
+        return self.x * other.y - self.y * other.x
+
+
+def where(condition: Flag, a: Vec, b: Vec) -> Vec:
+    """`a` where the condition holds, else `b`."""
+    return Vec(jnp.where(condition, a.x, b.x), jnp.where(condition, a.y, b.y))
+
+
+def fence(value: Scalar, one: Scalar) -> Scalar:
+    """`value`, computed once: a division by a 1 that the compiler cannot see through.
+
+    XLA's fusion on the CPU copies cheap elementwise producers into each of their consumers, so a
+    long chain with several outputs is recomputed dozens of times. It never copies a division.
+    `one` has to be a run-time 1 (see `runtime_one`); dividing by it is exact.
+    """
+    return value / one
+
+
+def runtime_one(count: Int[Array, ""], like: Scalar) -> Scalar:
+    """1 with the dtype of `like`, from a count that is never negative."""
+    return jnp.where(count < 0, 2.0, 1.0).astype(jnp.result_type(like))
+
+
+def safe_sqrt(value: Scalar) -> Scalar:
+    """The square root of max(value, 0), with derivative 0 (not infinite) at and below 0."""
+    positive = value > 0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, value, 1.0)), 0.0)
+
+
+def unit_and_length(vector: Vec) -> tuple[Vec, Scalar]:
+    """Direction and length of a vector; the zero vector has direction 0, length 0, derivative 0."""
+    square = vector.dot(vector)
+    positive = square > 0
+    inverse = jnp.where(positive, 1.0 / jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
+    return vector * inverse, square * inverse
+
+
+class Segment(eqx.Module):
+    """A straight segment: `start`, unit `tangent` and `length`."""
+
+    start: Vec
+    tangent: Vec
+    length: Scalar
+
+    @property
+    def end(self) -> Vec:
+        return self.start + self.tangent * self.length
+
+    def offset(self, point: Vec) -> Vec:
+        """The vector from the segment's closest point to `point`."""
+        relative = point - self.start
+        along = jnp.clip(relative.dot(self.tangent), 0.0, self.length)
+        return relative - self.tangent * along
+
+    def distance(self, point: Vec) -> Scalar:
+        """Distance from `point` to the segment."""
+        return unit_and_length(self.offset(point))[1]
+
+
+def segments_cross(a: Segment, b: Segment) -> Flag:
+    """Whether two segments cut through each other (merely touching ones do not)."""
+
+    def on_both_sides(of: Segment, by: Segment) -> Flag:
+        return by.tangent.cross(of.start - by.start) * by.tangent.cross(of.end - by.start) < 0
+
+    return on_both_sides(a, b) & on_both_sides(b, a)
+
+
+def segments_gap(a: Segment, b: Segment) -> Scalar:
+    """Least distance between two segments that do not cross."""
+    candidates = (a.distance(b.start), a.distance(b.end), b.distance(a.start), b.distance(a.end))
+    least = candidates[0]
+    for candidate in candidates[1:]:
+        least = jnp.minimum(least, candidate)
+    return least
