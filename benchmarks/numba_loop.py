@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Points = tuple[tuple[float, float], tuple[float, float]]
+Floats = NDArray[np.floating]
 
 _jit = numba.njit(fastmath=False, error_model="numpy")
 
@@ -39,7 +40,9 @@ class _Scene(NamedTuple):
 
 
 @_jit
-def _contact(x, y, limbs, i, radius, zero):
+def _contact(
+    x: float, y: float, limbs: Floats, i: int, radius: float, zero: float
+) -> tuple[float, float, float]:
     """Penetration (<= 0: no contact) into limb i and the normal from it towards the centre."""
     dx, dy, tx, ty, length = x - limbs[i, 0], y - limbs[i, 1], limbs[i, 2], limbs[i, 3], limbs[i, 4]
     along = dx * tx + dy * ty
@@ -58,8 +61,8 @@ def _contact(x, y, limbs, i, radius, zero):
 
 
 @_jit
-def _nearby(x, y, limbs, near, reach, zero):
-    """List in `near` the limbs that the circle could touch within `reach - radius` of travel."""
+def _nearby(x: float, y: float, limbs: Floats, near: Floats, reach: float, zero: float) -> int:
+    """Copy to `near` the limbs that the circle could touch within `reach - radius` of travel."""
     count = 0
     for i in range(limbs.shape[0]):
         if _contact(x, y, limbs, i, reach, zero)[0] > zero:
@@ -69,7 +72,16 @@ def _nearby(x, y, limbs, near, reach, zero):
 
 
 @_jit
-def _response(vx, vy, ax, ay, pen, nx, ny, scene):
+def _response(
+    vx: float,
+    vy: float,
+    ax: float,
+    ay: float,
+    pen: float,
+    nx: float,
+    ny: float,
+    scene: _Scene,
+) -> tuple[float, float]:
     """Displacement and velocity change, both along the normal, that one contact asks for.
 
     With the time of impact tau (counted back from the end of the step), the free flight is
@@ -94,13 +106,34 @@ def _response(vx, vy, ax, ay, pen, nx, ny, scene):
 
 
 @_jit
-def _gravity(wrist1, wrist2, g):
+def _gravity(wrist1: complex, wrist2: complex, g: float) -> tuple[float, float]:
     """Gravity in the hand frame (1); the wrist angles come as exp(1j T1), exp(1j T2)."""
     return g * wrist1.imag, -g * wrist1.real * wrist2.imag
 
 
 @_jit
-def _escape_step(x, y, targets, limbs, line, scene):
+def _ramp(
+    wrist1: complex, wrist2: complex, half1: complex, half2: complex, g: float
+) -> tuple[complex, complex, float, float, float, float]:
+    """One step of the ramp, as two half-step rotations.
+
+    Returns the wrist after it and the mean accelerations, x and y, that Runge-Kutta 4 uses for
+    the velocity and for the position: (g0 + 4 gh + g1) / 6 and (g0 + 2 gh) / 3.
+    """
+    g0x, g0y = _gravity(wrist1, wrist2, g)
+    wrist1, wrist2 = wrist1 * half1, wrist2 * half2
+    ghx, ghy = _gravity(wrist1, wrist2, g)
+    wrist1, wrist2 = wrist1 * half1, wrist2 * half2
+    g1x, g1y = _gravity(wrist1, wrist2, g)
+    ax, ay = (g0x + 4 * ghx + g1x) * (1 / 6), (g0y + 4 * ghy + g1y) * (1 / 6)
+    bx, by = (g0x + 2 * ghx) * (1 / 3), (g0y + 2 * ghy) * (1 / 3)
+    return wrist1, wrist2, ax, ay, bx, by
+
+
+@_jit
+def _escape_step(
+    x: float, y: float, targets: NDArray[np.float64], limbs: Floats, line: Floats, scene: _Scene
+) -> int:
     """Step in which one trial passes the goal line, or max_steps + 1."""
     zero, dt, real = scene.zero, scene.dt, scene.real
     near = np.empty_like(limbs)
@@ -112,7 +145,7 @@ def _escape_step(x, y, targets, limbs, line, scene):
     angle1 = angle2 = 0.0
     half_step = 0.5j / max(scene.ramp_steps, 1)
     for k in range(targets.shape[0]):
-        # The ramp is a uniform rotation: two complex products a half step replace trigonometry.
+        # The ramp is a uniform rotation: products of complex numbers replace trigonometry.
         wrist1, wrist2 = cmath.exp(1j * angle1), cmath.exp(1j * angle2)
         half1 = cmath.exp(half_step * (targets[k, 0] - angle1))
         half2 = cmath.exp(half_step * (targets[k, 1] - angle2))
@@ -122,15 +155,10 @@ def _escape_step(x, y, targets, limbs, line, scene):
                 return step + 1
             step += 1
 
-            # (2): ax, ay is the step's mean acceleration in v, bx, by the one in x.
+            # (2), with the mean acceleration ax, ay for the velocity, bx, by for the position
             if phase < scene.ramp_steps:
-                g0x, g0y = _gravity(wrist1, wrist2, scene.g)
-                wrist1, wrist2 = wrist1 * half1, wrist2 * half2
-                ghx, ghy = _gravity(wrist1, wrist2, scene.g)
-                wrist1, wrist2 = wrist1 * half1, wrist2 * half2
-                g1x, g1y = _gravity(wrist1, wrist2, scene.g)
-                ax, ay = real((g0x + 4 * ghx + g1x) * (1 / 6)), real((g0y + 4 * ghy + g1y) * (1 / 6))
-                bx, by = real((g0x + 2 * ghx) * (1 / 3)), real((g0y + 2 * ghy) * (1 / 3))
+                wrist1, wrist2, gx, gy, hx, hy = _ramp(wrist1, wrist2, half1, half2, scene.g)
+                ax, ay, bx, by = real(gx), real(gy), real(hx), real(hy)
             elif phase == scene.ramp_steps:
                 gx, gy = _gravity(cmath.exp(1j * angle1), cmath.exp(1j * angle2), scene.g)
                 ax = bx = real(gx)
@@ -171,7 +199,9 @@ def _escape_step(x, y, targets, limbs, line, scene):
 
 
 @numba.njit(parallel=True, fastmath=False, error_model="numpy")
-def _escape_steps(starts, targets, limbs, line, scene):
+def _escape_steps(
+    starts: Floats, targets: NDArray[np.float64], limbs: Floats, line: Floats, scene: _Scene
+) -> NDArray[np.int64]:
     """`_escape_step` of every trial."""
     steps = np.empty(starts.shape[0], np.int64)
     for i in numba.prange(starts.shape[0]):
@@ -233,9 +263,7 @@ def escape_steps(
     period_steps = round(period / dt)
     if targets.shape[1] * period_steps < max_steps:
         raise ValueError(f"{targets.shape[1]} periods of {period_steps} steps, need {max_steps}")
-    line = np.ravel(goal)
-    if line[2] < line[0]:  # so that (-ty, tx) points outwards
-        line = line[[2, 3, 0, 1]]
+    line = np.reshape(sorted(np.asarray(goal).tolist()), (1, 4))  # now (-ty, tx) points outwards
     scene = _Scene(
         radius=dtype(radius),
         restitution=dtype(restitution),
@@ -251,5 +279,5 @@ def escape_steps(
         max_steps=max_steps,
         time_of_impact=time_of_impact,
     )
-    tables = _segments(limbs).astype(dtype), _segments(line[None])[0].astype(dtype)
+    tables = _segments(limbs).astype(dtype), _segments(line)[0].astype(dtype)
     return _escape_steps(starts.astype(dtype), targets, *tables, scene)

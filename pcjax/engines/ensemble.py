@@ -51,17 +51,18 @@ _COMPILER_OPTIONS = {
 
 
 class Lanes(NamedTuple):
-    """A block of trials under way, as host arrays of shape (lanes,)."""
+    """A block of trials under way: arrays of shape (lanes,), NumPy's between periods and JAX's
+    within."""
 
-    condition: np.ndarray
-    trial: np.ndarray
-    period: np.ndarray
-    x: np.ndarray
-    y: np.ndarray
-    vx: np.ndarray
-    vy: np.ndarray
-    steps: np.ndarray
-    status: np.ndarray
+    condition: Any
+    trial: Any
+    period: Any
+    x: Any
+    y: Any
+    vx: Any
+    vy: Any
+    steps: Any
+    status: Any
 
     @classmethod
     def idle(cls, count: int, dtype: type) -> Lanes:
@@ -140,9 +141,16 @@ def run(
     advance = functools.partial(
         _advance_for(platform), engine=engine, stacked=stacked, seed=np.uint32(seed)
     )
-    with tqdm(
-        total=total, desc="trials", unit="trial", disable=None if progress else True, leave=False
-    ) as bar, ThreadPoolExecutor(len(crew)) as pool:
+    with (
+        tqdm(
+            total=total,
+            desc="trials",
+            unit="trial",
+            disable=None if progress else True,
+            leave=False,
+        ) as bar,
+        ThreadPoolExecutor(len(crew)) as pool,
+    ):
         ledger.on_end = bar.update
         jobs = [
             pool.submit(_work, ledger, advance, block, dtype, precision, device) for device in crew

@@ -65,7 +65,7 @@ class Stepping:
         """
         period = worlds.drive.period
         chunks = self.steps_per_period(period) // _CHUNK
-        dt = jnp.asarray(self.step_taken(period), worlds.body.radius.dtype)
+        dt = jnp.asarray(self.step_taken(period), jnp.result_type(worlds.body.radius))
         lanes = jax.vmap(
             lambda world, swing, state: advance(world, swing, state, dt),
             in_axes=(0, 0, _LANES),
@@ -87,7 +87,8 @@ class Stepping:
 
         start = (jnp.zeros((), jnp.int32), with_clock_at_zero(states))
         _, states = jax.lax.while_loop(unfinished, chunk, start)
-        return states, jax.vmap(_lag, in_axes=(0, _LANES, None))(worlds, states, dt)
+        lag = jax.vmap(_lag, in_axes=(0, _LANES, None))(worlds, states, dt)
+        return states, jnp.asarray(lag)
 
 
 def with_clock_at_zero(states: State) -> State:

@@ -12,16 +12,15 @@ from pcjax.planar import Scalar
 class ContactLaw(eqx.Module):
     """Hard or smoothed contact with restitution.
 
-    | field | unit | usual | what changes with it |
+    | field | unit | usual | what it does |
     | --- | --- | --- | --- |
-    | restitution | 1 | 0.1 | e_r in (7), the share of normal speed kept by an impact |
-    | resting_speed | length / s | 0.05 | impacts slower than this are inelastic; it has to stay far \
-below the speeds that matter (some 10 to 100) |
-    | smoothing | length | 0 | half width of the layer over which contact switches on; 0 is the \
-paper's hard contact |
+    | restitution | 1 | 0.1 | e_r in (7): the share of normal speed that an impact keeps |
+    | resting_speed | length / s | 0.05 | slower impacts are inelastic; keep it far below 10 |
+    | smoothing | length | 0 | half width of the layer over which contact switches on |
 
-    Smoothed and hard contact are one code path: `switch` and `ramp` are the step function and its
-    integral, or smooth versions of them with support [-smoothing, smoothing].
+    Width 0 is the paper's hard contact. Smoothed and hard contact are one code path: `switch` and
+    `ramp` are the step function and its integral, or smooth versions of them with support
+    [-smoothing, smoothing].
 
     Raises:
         ValueError: restitution outside [0, 1], or a negative resting speed or smoothing width.
@@ -45,23 +44,27 @@ paper's hard contact |
         if smoothing is not None:
             check_between("smoothing", smoothing, 0.0, float("inf"))
         # Zero width has no leaf: the compiled hard contact carries nothing of the smoothed one.
-        self.smoothing = None if isinstance(smoothing, (int, float)) and smoothing == 0 else smoothing
+        self.smoothing = (
+            None if isinstance(smoothing, (int, float)) and smoothing == 0 else smoothing
+        )
 
     def switch(self, penetration: Scalar) -> Scalar:
         """How far contact is on, from 0 to 1."""
         if self.smoothing is None:
             return jnp.where(penetration > 0, 1.0, 0.0)
-        z = self._layer(penetration)
+        z = _layer(penetration, self.smoothing)
         return z * z * (3.0 - 2.0 * z)
 
     def ramp(self, penetration: Scalar) -> Scalar:
         """How far to push out: the integral of `switch`, negative where nothing is to be pushed."""
         if self.smoothing is None:
             return penetration
-        z = self._layer(penetration)
+        z = _layer(penetration, self.smoothing)
         inside = self.smoothing * z * z * z * (2.0 - z)
         outside = jnp.where(z > 0, inside, penetration + self.smoothing)
         return jnp.where(z < 1, outside, penetration)
 
-    def _layer(self, penetration: Scalar) -> Scalar:
-        return jnp.clip(0.5 * (penetration / self.smoothing + 1.0), 0.0, 1.0)
+
+def _layer(penetration: Scalar, width: Scalar) -> Scalar:
+    """From 0 to 1 across the layer of half width `width`."""
+    return jnp.clip(0.5 * (penetration / width + 1.0), 0.0, 1.0)

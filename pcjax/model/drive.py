@@ -72,9 +72,7 @@ class WristTilt(eqx.Module):
         self.ramp_time = float(ramp_time)
         self.period = float(period)
 
-    def swing(
-        self, before: Float[Array, "2"], draws: Float[Array, "2"], first: Flag
-    ) -> Swing:
+    def swing(self, before: Float[Array, "2"], draws: Float[Array, "2"], first: Flag) -> Swing:
         """The period that follows the draws `before` with `draws`, both uniform on [0, 1).
 
         In the `first` period of a trial the wrist starts level, whatever `before` is.

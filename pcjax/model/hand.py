@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -124,13 +125,13 @@ class HandDesign(eqx.Module):
         return ("the palm", *fingers)
 
     def with_fingertips_turned(self) -> HandDesign:
-        """The hand for EoEn (Fig. 8(b)): each fingertip on the other side of the limb it sits on."""
+        """The hand for EoEn (Fig. 8(b)): each fingertip turned to its limb's other side."""
         turned = [(*angles[:-1], -angles[-1]) for angles in self.angles]
         return HandDesign(self.palm_length, self.lengths, (turned[0], turned[1]))
 
 
 def box_hand(
-    fingertip_angle: Scalar = math.radians(10.0),
+    fingertip_angle: Scalar = math.pi / 18,
     *,
     palm_length: Scalar = 500.0,
     gap_width: Scalar | None = None,
@@ -164,3 +165,12 @@ def box_hand(
     right = math.pi / 2
     angles = (right, right, right - fingertip_angle)  # (21)
     return HandDesign(palm_length, (lengths, lengths), (angles, angles))
+
+
+def full_cage(gap: Any, diameter: Any) -> Any:
+    """Whether an object is too wide for a hand's gap, so that nothing passes.
+
+    One that fits exactly is guided through by the fingertips' round ends, so rounding (here one
+    part in a billion) counts as fitting.
+    """
+    return gap < diameter * (1 - 1e-9)

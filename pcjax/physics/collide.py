@@ -42,9 +42,7 @@ class Contact(eqx.Module):
         )
 
 
-def two_nearest(
-    limbs: Sequence[Segment], centre: Vec, one: Scalar
-) -> tuple[Contact, Contact]:
+def two_nearest(limbs: Sequence[Segment], centre: Vec, one: Scalar) -> tuple[Contact, Contact]:
     """The contacts with the limb nearest to the centre and the second nearest.
 
     A joint counts for the limb that ends there (the palm, first in `limbs`, counts both its ends),
@@ -87,7 +85,7 @@ def _key(limb: Segment, centre: Vec, number: int, tag_bits: int) -> Scalar:
 
 
 def _bits(value: Scalar) -> Array:
-    integer = {4: jnp.int32, 8: jnp.int64}[value.dtype.itemsize]
+    integer = {4: jnp.int32, 8: jnp.int64}[jnp.result_type(value).itemsize]
     return jax.lax.bitcast_convert_type(value, integer)
 
 

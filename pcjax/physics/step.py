@@ -10,7 +10,7 @@ from pcjax.model.drive import Pull, Swing
 from pcjax.model.scenario import Scenario, World
 from pcjax.physics.collide import two_nearest
 from pcjax.physics.respond import Motion, bounce, hold_off
-from pcjax.planar import Flag, Scalar, Vec, runtime_one, where
+from pcjax.planar import Scalar, Vec, runtime_one, where
 
 RUNNING, PASSED, INVALID = 0, 1, 2
 """A trial's status: under way, through the goal, or gone wrong (see `State`)."""

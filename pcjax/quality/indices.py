@@ -1,4 +1,4 @@
-"""What the outcomes are worth: index 1, index 2 and the score, with their uncertainty (Sec. 3.1)."""
+"""What the outcomes are worth: index 1, index 2 and the score with intervals (Sec. 3.1)."""
 
 from __future__ import annotations
 
@@ -50,9 +50,7 @@ def index2(stayed: Bool[np.ndarray, " trials"]) -> Estimate:
     )
 
 
-def ratio(
-    does: Float[np.ndarray, " trials"], eoen: Float[np.ndarray, " trials"]
-) -> Estimate:
+def ratio(does: Float[np.ndarray, " trials"], eoen: Float[np.ndarray, " trials"]) -> Estimate:
     """A score (18): mean of `does` over mean of `eoen`, trial i of both from the same draws.
 
     The standard error is the delta method's for paired samples, and the interval is symmetric in

@@ -1,0 +1,5 @@
+"""`python -m pcjax`."""
+
+from pcjax.cli import main
+
+main()

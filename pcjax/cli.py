@@ -1,0 +1,326 @@
+"""The command line: evaluate a hand, redo a figure, check the paper's claims."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import json
+import math
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+import xarray as xr
+from matplotlib.figure import Figure
+
+from pcjax import paper
+from pcjax.claims import FIGURES_NEEDED, judge_claims
+from pcjax.evaluate import evaluate
+from pcjax.figures import curve, run_figure, score_curve
+from pcjax.model.body import Circle
+from pcjax.model.contact_law import ContactLaw
+from pcjax.model.drive import WristTilt
+from pcjax.model.hand import box_hand
+from pcjax.results import NAMES, package_version, save_dataset
+from pcjax.viz.plots import plot_evaluation, plot_figure
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Runs one command. Exit status 0, 2 for bad input, 130 when interrupted."""
+    arguments = _parse(sys.argv[1:] if argv is None else list(argv))
+    try:
+        arguments.run(arguments)
+    except ValueError as error:
+        _fail(str(error))
+    except OSError as error:
+        _fail(f"cannot write {error.filename or 'the output'}: {error.strerror or error}")
+    except KeyboardInterrupt:
+        print("pcjax: interrupted", file=sys.stderr)
+        sys.exit(130)
+
+
+def _fail(message: str) -> NoReturn:
+    print(f"pcjax: {message}", file=sys.stderr)
+    sys.exit(2)
+
+
+class _Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are one line, with the nearest name for a misspelt one."""
+
+    def error(self, message: str) -> NoReturn:
+        _fail(f"{message} (see '{self.prog} --help')")
+
+    def unknown(self, words: Sequence[str]) -> NoReturn:
+        word = words[0]
+        flags = [flag for flag in self._option_string_actions if flag.startswith("--")]
+        near = difflib.get_close_matches(word.split("=")[0], flags, 1, cutoff=0.5)
+        hint = f": did you mean {near[0]}?" if near else ""
+        self.error(f"unknown {'flag' if word.startswith('-') else 'argument'} {word}{hint}")
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            allowed = [str(choice) for choice in action.choices]
+            near = difflib.get_close_matches(str(value), allowed, 1, cutoff=0.5)
+            hint = f"did you mean {near[0]}? " if near else ""
+            name = "/".join(action.option_strings) or action.metavar or action.dest
+            self.error(f"{name} is {value!r}: {hint}it has to be one of {', '.join(allowed)}")
+
+
+def _parse(argv: list[str]) -> argparse.Namespace:
+    parser = _Parser(
+        prog="pcjax",
+        description="How well a planar robot hand cages an object without closing on it.",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"pcjax {package_version()}")
+    commands = parser.add_subparsers(dest="command", metavar="command")
+    each = {
+        "evaluate": (_add_evaluate, "evaluate one hand: DoEs, EoEn and the score"),
+        "figure": (_add_figure, "redo one of the paper's figures"),
+        "claims": (_add_claims, "check the paper's claims about Figs. 9-12"),
+    }
+    subparsers = {}
+    for name, (add, text) in each.items():
+        subparsers[name] = commands.add_parser(
+            name,
+            help=text,
+            description=text[0].upper() + text[1:] + ".",
+            allow_abbrev=False,
+            formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+        )
+        # "-1e1", "-inf" and "-nan" are values, not flags.
+        subparsers[name]._negative_number_matcher = _NegativeNumber()
+        add(subparsers[name])
+    arguments, unknown = parser.parse_known_args(argv)
+    if unknown:
+        subparsers.get(arguments.command, parser).unknown(unknown)
+    if arguments.command is None:
+        parser.print_help()
+        sys.exit(0)
+    return arguments
+
+
+class _NegativeNumber:
+    def match(self, text: str) -> bool:
+        try:
+            float(text)
+        except ValueError:
+            return False
+        return text.startswith("-")
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+
+
+def _whole(text: str) -> int:
+    try:
+        return int(text.replace("_", "").replace(",", ""))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+
+
+def _add_run(parser: argparse.ArgumentParser, trials: int, precision: int = 32) -> None:
+    """Flags that all commands which simulate share."""
+    add = parser.add_argument
+    add("--trials", type=_whole, default=trials, help="trials for each condition")
+    add("--max-steps", type=_whole, default=paper.WRIST_MAX_STEPS, help="limit, steps of 0.001 s")
+    add("--seed", type=_whole, default=0, help="trial i depends on (seed, i) alone")
+    add("--engine", choices=("auto", "stepping"), default="auto", help="how trials are run")
+    add(
+        "--dt",
+        type=_number,
+        default=None,
+        metavar="SECONDS",
+        help="the solver's step (default: the engine's choice; the paper's is 0.001)",
+    )
+    add("--precision", type=_whole, choices=(32, 64), default=precision, help="bits of a number")
+
+
+def _run_settings(arguments: argparse.Namespace) -> dict[str, Any]:
+    names = ("trials", "max_steps", "seed", "engine", "dt", "precision")
+    return {name: getattr(arguments, name) for name in names} | {"progress": True}
+
+
+def _add_evaluate(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("--scenario", choices=("wrist",), default="wrist", help="what moves the hand")
+    add("--body", choices=("circle",), default="circle", help="the object")
+    add("--direction", choices=("does", "eoen", "both"), default="both", help="what to evaluate")
+    add(
+        "--fingertip-angle",
+        type=_number,
+        default=paper.BEST_ANGLE_DEG,
+        metavar="DEG",
+        help="theta_g, degrees",
+    )
+    unit = paper.WRIST_PALM_LENGTH
+    add("--palm-length", type=_number, default=unit, metavar="L", help="L_p, model units")
+    add(
+        "--fingertip-length",
+        type=_number,
+        default=None,
+        metavar="L",
+        help="L_g, model units (default: 0.2 L_p)",
+    )
+    add(
+        "--gap-width",
+        type=_number,
+        default=None,
+        metavar="W",
+        help="W_g, model units (default: 0.4 L_p)",
+    )
+    add(
+        "--radius",
+        type=_number,
+        default=None,
+        metavar="R",
+        help="r_o, model units (default: 0.05 L_p)",
+    )
+    add("--restitution", type=_number, default=paper.RESTITUTION, metavar="E", help="e_r")
+    add("--gravity", type=_number, default=paper.GRAVITY, metavar="G", help="g")
+    _add_run(parser, trials=paper.TRIALS)
+    add("--json", action="store_true", help="print one JSON object on stdout, nothing else")
+    add("--plot", type=Path, default=None, metavar="FILE", help="draw hand and survival curves")
+    add("--out", type=Path, default=None, metavar="FILE", help="keep everything as netCDF")
+    parser.set_defaults(run=_evaluate)
+
+
+def _evaluate(arguments: argparse.Namespace) -> None:
+    for path in (arguments.plot, arguments.out):
+        _check_writable(path)
+    hand = box_hand(
+        math.radians(arguments.fingertip_angle),
+        palm_length=arguments.palm_length,
+        gap_width=arguments.gap_width,
+        fingertip_length=arguments.fingertip_length,
+    )
+    radius = 0.05 * arguments.palm_length if arguments.radius is None else arguments.radius
+    result = evaluate(
+        hand,
+        Circle(radius),
+        direction=arguments.direction,
+        drive=WristTilt(gravity=arguments.gravity),
+        law=ContactLaw(restitution=arguments.restitution),
+        **_run_settings(arguments),
+    )
+    if arguments.out:
+        result.save(arguments.out)
+    if arguments.plot:
+        _save_picture(plot_evaluation(result), arguments.plot)
+    print(json.dumps(result.as_json()) if arguments.json else result)
+
+
+def _add_figure(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add(
+        "figure",
+        choices=tuple(paper.FIGURES),
+        metavar="figure",
+        help=f"one of {', '.join(paper.FIGURES)}",
+    )
+    _add_run(parser, trials=paper.TRIALS)
+    add(
+        "--plot",
+        type=Path,
+        default=None,
+        metavar="FILE",
+        help="the picture (default: figNAME.png here)",
+    )
+    add("--out", type=Path, default=None, metavar="FILE", help="keep the data as netCDF")
+    parser.set_defaults(run=_figure)
+
+
+def _figure(arguments: argparse.Namespace) -> None:
+    picture = arguments.plot or Path(f"fig{arguments.figure}.png")
+    for path in (picture, arguments.out):
+        _check_writable(path)
+    data = run_figure(arguments.figure, **_run_settings(arguments))
+    if arguments.out:
+        save_dataset(data, arguments.out)
+    _save_picture(plot_figure(data), picture)
+    print(figure_table(data))
+    print(f"{data.attrs['wall_seconds']:.1f} s; picture: {picture}")
+
+
+def figure_table(data: xr.Dataset) -> str:
+    """A figure's numbers as text: one line per angle, one column per curve."""
+    settings = paper.FIGURES[str(data.attrs["figure"])]
+    columns, curves = [], []
+    for gap_width in settings.gap_widths:
+        for radius in settings.radii:
+            where = {"gap_width": gap_width, "radius": radius}
+            tag = f"W_g={gap_width:g} r_o={radius:g}"
+            for direction in settings.directions:
+                columns.append(f"{NAMES[direction]} {tag}")
+                curves.append((curve(data, direction, where=where), ",.0f"))
+                if data.attrs["figure"] == "9a":
+                    columns.append("index 2")
+                    curves.append((curve(data, direction, "index2", where), ".4f"))
+            if len(settings.directions) == 2:
+                columns.append(f"score {tag}")
+                curves.append((score_curve(data, where), ".4f"))
+    lines = ["theta_g  " + "  ".join(f"{name:>24}" for name in columns)]
+    for k, angle in enumerate(curves[0][0].angle):
+        cells = (f"{line.value[k]:{form}} ± {line.se[k]:{form}}" for line, form in curves)
+        lines.append(f"{angle:>7g}  " + "  ".join(f"{cell:>24}" for cell in cells))
+    return "\n".join(lines)
+
+
+def _add_claims(parser: argparse.ArgumentParser) -> None:
+    _add_run(parser, trials=1000)
+    parser.add_argument(
+        "--results",
+        type=Path,
+        default=None,
+        metavar="DIR",
+        help="judge kept data (fig9a.nc, fig9b.nc, fig12.nc) instead of running anew",
+    )
+    parser.set_defaults(run=_claims)
+
+
+def _claims(arguments: argparse.Namespace) -> None:
+    figures = {}
+    for name in FIGURES_NEEDED:
+        if arguments.results is None:
+            print(f"running Fig. {name} ...", file=sys.stderr)
+            figures[name] = run_figure(name, **_run_settings(arguments))
+            continue
+        path = arguments.results / f"fig{name}.nc"
+        if not path.is_file():
+            raise ValueError(f"{path} is missing: --results has to name a folder with fig{name}.nc")
+        figures[name] = xr.load_dataset(path, engine="h5netcdf")
+    for claim in judge_claims(figures):
+        print(f"{claim.number}. {claim.verdict.upper()}: {claim.text}\n     {claim.evidence}")
+
+
+def _check_writable(path: Path | None) -> None:
+    """Fails before the work, not after it, when a file cannot be written."""
+    if path is None:
+        return
+    folder = path.parent
+    if not folder.is_dir():
+        raise ValueError(f"cannot write {path}: the folder {folder} does not exist")
+    if path.is_dir():
+        raise ValueError(f"cannot write {path}: it is a folder")
+    if not os.access(path if path.exists() else folder, os.W_OK):
+        raise ValueError(f"cannot write {path}: no permission")
+
+
+def _save_picture(figure: Figure, path: Path) -> None:
+    supported = figure.canvas.get_supported_filetypes()
+    kind = path.suffix.lstrip(".").lower()
+    if kind not in supported:
+        raise ValueError(
+            f"cannot draw {path}: the file's ending has to be one of {', '.join(sorted(supported))}"
+        )
+    figure.savefig(path, dpi=130)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,155 @@
+"""The paper's figures as data: settings -> conditions -> curves with standard errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Bool, Float
+
+from pcjax import paper
+from pcjax.evaluate import DIRECTIONS, evaluate_grid
+from pcjax.model.body import Circle
+from pcjax.model.hand import box_hand, full_cage
+
+
+def run_figure(name: str, **run: Any) -> xr.Dataset:
+    """Evaluates all conditions of a figure in one batch.
+
+    Arguments:
+        name: a key of `pcjax.paper.FIGURES`.
+        run: `trials`, `max_steps` and others of `pcjax.evaluate.evaluate_grid`.
+
+    Raises:
+        ValueError: an unknown figure, or a number out of range.
+    """
+    if name not in paper.FIGURES:
+        raise ValueError(f"figure is {name!r}: it has to be one of {', '.join(paper.FIGURES)}")
+    figure, unit = paper.FIGURES[name], paper.WRIST_PALM_LENGTH
+    rows, scenarios = [], []
+    for gap_width in figure.gap_widths:
+        for radius in figure.radii:
+            for angle in figure.angles_deg:
+                hand = box_hand(
+                    math.radians(angle),
+                    palm_length=unit,
+                    gap_width=gap_width * unit,
+                    fingertip_length=paper.FINGERTIP_LENGTH * unit,
+                )
+                for direction in figure.directions:
+                    rows.append((direction, gap_width, radius, angle))
+                    scenarios.append(DIRECTIONS[direction](hand, Circle(radius * unit)))
+    names = ["direction", "gap_width", "radius", "angle"]
+    coords = dict(zip(names, zip(*rows, strict=True), strict=True))
+    dataset = evaluate_grid(scenarios, coords, **run)
+    dataset.angle.attrs = {"units": "degrees", "long_name": "fingertip angle theta_g"}
+    dataset.radius.attrs = dataset.gap_width.attrs = {"units": "palm lengths L_p"}
+    dataset.attrs |= {"figure": name, "title": figure.title}
+    return dataset
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Estimates along the fingertip angle, with the covariance between them.
+
+    Attributes:
+        angle: degrees.
+        value: the estimates.
+        covariance: of the estimates; the trials are shared along the curve.
+        open: whether the object fits through the gap there.
+    """
+
+    angle: Float[np.ndarray, " n"]
+    value: Float[np.ndarray, " n"]
+    covariance: Float[np.ndarray, "n n"]
+    open: Bool[np.ndarray, " n"]
+
+    @property
+    def se(self) -> Float[np.ndarray, " n"]:
+        """Standard errors."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    def at(self, angle: float) -> int:
+        """The position of an angle."""
+        return int(np.flatnonzero(self.angle == angle)[0])
+
+    def difference(self, later: float, earlier: float) -> tuple[float, float]:
+        """value(later) - value(earlier) and its standard error, paired."""
+        return self.contrast({later: 1.0, earlier: -1.0})
+
+    def contrast(self, weights: dict[float, float]) -> tuple[float, float]:
+        """A weighted sum of values by angle, and its standard error."""
+        w = np.zeros(len(self.angle))
+        for angle, weight in weights.items():
+            w[self.at(angle)] += weight
+        return float(w @ self.value), math.sqrt(max(float(w @ self.covariance @ w), 0.0))
+
+    def only(self, chosen: Bool[np.ndarray, " n"]) -> Curve:
+        """The curve at some of its angles."""
+        return Curve(
+            self.angle[chosen],
+            self.value[chosen],
+            self.covariance[np.ix_(chosen, chosen)],
+            self.open[chosen],
+        )
+
+
+def _places(dataset: xr.Dataset, direction: str, where: Mapping[str, float]) -> np.ndarray:
+    chosen = dataset.direction.values == direction
+    for name, value in where.items():
+        chosen = chosen & np.isclose(dataset[name].values, value)
+    places = np.flatnonzero(chosen)
+    return places[np.argsort(dataset.angle.values[places])]
+
+
+def _passable(dataset: xr.Dataset, places: np.ndarray) -> np.ndarray:
+    diameter = 2 * dataset.radius.values[places] * paper.WRIST_PALM_LENGTH
+    return ~np.asarray(full_cage(dataset.gap.values[places], diameter))
+
+
+def curve(
+    dataset: xr.Dataset,
+    direction: str,
+    estimate: str = "index1",
+    where: Mapping[str, float] | None = None,
+) -> Curve:
+    """Index 1 or index 2 against the angle, in one direction.
+
+    Arguments:
+        dataset: from `run_figure`.
+        direction: "does" or "eoen".
+        estimate: "index1" or "index2".
+        where: the radius or gap width, where the figure has several.
+    """
+    places = _places(dataset, direction, where or {})
+    k = ["index1", "index2"].index(estimate)
+    covariance = dataset.covariance[k, k]
+    return Curve(
+        dataset.angle.values[places],
+        dataset[estimate].values[places],
+        covariance.values[np.ix_(places, places)],
+        _passable(dataset, places),
+    )
+
+
+def score_curve(dataset: xr.Dataset, where: Mapping[str, float] | None = None) -> Curve:
+    """The score (18) by index 1 against the angle; errors by the delta method, paired."""
+    top, bottom = (_places(dataset, d, where or {}) for d in ("does", "eoen"))
+    means = dataset.index1.values
+    score = means[top] / means[bottom]
+    # d score_k = sum over conditions of jacobian[k] d mean
+    jacobian = np.zeros((len(score), len(means)))
+    rows = np.arange(len(score))
+    jacobian[rows, top] = 1.0 / means[bottom]
+    jacobian[rows, bottom] = -score / means[bottom]
+    covariance = dataset.covariance[0, 0].values
+    return Curve(
+        dataset.angle.values[top],
+        score,
+        jacobian @ covariance @ jacobian.T,
+        _passable(dataset, top),
+    )

@@ -1,0 +1,296 @@
+"""Results as labelled data: printed, kept in netCDF with units and provenance, and read back."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import math
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+import xarray as xr
+
+from pcjax.engines.ensemble import LIMIT, STATUS_NAMES, Outcomes
+from pcjax.model.hand import full_cage
+from pcjax.model.scenario import Scenario
+from pcjax.physics.step import INVALID, PAPER_DT
+from pcjax.quality.indices import UNDEFINED, Estimate, index1, index2, ratio, survival_curve
+
+NAMES = {"does": "DoEs", "eoen": "EoEn"}
+"""Directions: difficulty of escaping and ease of entering."""
+
+
+def package_version() -> str:
+    """The installed version of pcjax."""
+    try:
+        return version("pcjax")
+    except PackageNotFoundError:
+        return "unknown (not installed)"
+
+
+def parameters(scenario: Scenario) -> dict[str, float]:
+    """Every number of a scenario by name, for instance `hand.angles[0][2]`."""
+    leaves, _ = jax.tree_util.tree_flatten_with_path(scenario)
+    numbers = {jax.tree_util.keystr(path).lstrip("."): float(leaf) for path, leaf in leaves}
+    drive = scenario.drive
+    return numbers | {"drive.period": drive.period, "drive.ramp_time": drive.ramp_time}
+
+
+def provenance(run: Mapping[str, Any]) -> dict[str, Any]:
+    """Attributes that say how a result was made: versions, date and the run's own settings."""
+    return {
+        "made_by": "pcjax",
+        "pcjax_version": package_version(),
+        "jax_version": jax.__version__,
+        "device": jax.local_devices()[0].device_kind,
+        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        **run,
+    }
+
+
+def save_dataset(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
+    """Writes netCDF; a file of that name is replaced only once the new one is complete.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    path = Path(path)
+    handle, unfinished = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    os.close(handle)
+    try:
+        compress = {
+            name: {"zlib": True, "complevel": 9} for name, var in dataset.items() if var.ndim
+        }
+        dataset.to_netcdf(unfinished, engine="h5netcdf", encoding=compress)
+        os.chmod(unfinished, 0o644)
+        os.replace(unfinished, path)
+    except BaseException:
+        os.unlink(unfinished)
+        raise
+    return path
+
+
+class Evaluation:
+    """How hard a hand is to escape (DoEs), how easy to enter (EoEn), and the score.
+
+    Prints as a table. `dataset` holds everything: the escape step and status of every trial, the
+    limbs and goal lines, and in its attributes how it was made.
+    """
+
+    def __init__(self, dataset: xr.Dataset):
+        self.dataset = dataset
+
+    @classmethod
+    def from_outcomes(
+        cls, scenarios: Mapping[str, Scenario], outcomes: Outcomes, run: Mapping[str, Any]
+    ) -> Evaluation:
+        """The evaluation of one hand from the outcomes in each direction."""
+        hands = [jax.device_get(scenario.world()) for scenario in scenarios.values()]
+        limbs = [
+            [[limb.start.x, limb.start.y, limb.end.x, limb.end.y] for limb in world.limbs]
+            for world in hands
+        ]
+        goals = [[w.goal.a.x, w.goal.a.y, w.goal.b.x, w.goal.b.y] for w in hands]
+        length = {"units": "model length (the unit that g is in)"}
+        flags = {
+            "flag_values": list(STATUS_NAMES),
+            "flag_meanings": " ".join(STATUS_NAMES.values()),
+            "long_name": "how the trial ended",
+        }
+        steps = {
+            "units": f"steps of {PAPER_DT} s",
+            "long_name": "escape step, or the limit",
+        }
+        first = next(iter(scenarios.values()))
+        dataset = xr.Dataset(
+            {
+                "escape_step": (("direction", "trial"), outcomes.steps, steps),
+                "status": (("direction", "trial"), outcomes.status, flags),
+                "limbs": (("direction", "limb", "end"), np.array(limbs, float), length),
+                "goal": (("direction", "end"), np.array(goals, float), length),
+            },
+            coords={
+                "direction": list(scenarios),
+                "end": ["x_start", "y_start", "x_end", "y_end"],
+            },
+            attrs=provenance(run)
+            | {
+                "max_steps": outcomes.max_steps,
+                "radius": float(first.body.radius),
+                "parameters": json.dumps({k: parameters(s) for k, s in scenarios.items()}),
+            },
+        )
+        return cls(dataset)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Evaluation:
+        """Reads what `save` has written."""
+        return cls(xr.load_dataset(path, engine="h5netcdf"))
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Writes everything to a netCDF file.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        return save_dataset(self.dataset, path)
+
+    def to_xarray(self) -> xr.Dataset:
+        """The data with the estimates beside it: `index1`, `index2` (direction, statistic) and,
+        if both directions were evaluated, `score` (index, statistic)."""
+        statistics = list(asdict(UNDEFINED))
+
+        def row(estimate: Estimate) -> list[float]:
+            return list(asdict(estimate).values())
+
+        indices = {d: self.indices(d) for d in self.directions}
+        dataset = self.dataset.assign_coords(statistic=statistics)
+        for name, units in (("index1", f"steps of {PAPER_DT} s"), ("index2", "1")):
+            values = [row(indices[d][name]) for d in self.directions]
+            dataset[name] = (("direction", "statistic"), values, {"units": units})
+        if len(self.directions) == 2:
+            score = self.score()
+            dataset = dataset.assign_coords(index=list(score))
+            values = [row(estimate) for estimate in score.values()]
+            dataset["score"] = (("index", "statistic"), values, {"units": "1"})
+        return dataset
+
+    @property
+    def directions(self) -> list[str]:
+        """The directions evaluated, of "does" and "eoen"."""
+        return [str(d) for d in self.dataset.direction.values]
+
+    @property
+    def max_steps(self) -> int:
+        """The step limit."""
+        return int(self.dataset.attrs["max_steps"])
+
+    @property
+    def trials(self) -> int:
+        """Trials per direction."""
+        return self.dataset.sizes["trial"]
+
+    def indices(self, direction: str) -> dict[str, Estimate]:
+        """Index 1 and index 2 in one direction, over the trials that did not go wrong."""
+        steps, stayed = self._trials(direction, self._valid([direction]))
+        if not len(steps):
+            return {"index1": UNDEFINED, "index2": UNDEFINED}
+        return {"index1": index1(steps), "index2": index2(stayed)}
+
+    def score(self) -> dict[str, Estimate]:
+        """The score (18) by index 1 and by index 2; trial i of both directions shares its draws.
+
+        Raises:
+            ValueError: only one direction was evaluated.
+        """
+        if len(self.directions) < 2:
+            raise ValueError("the score needs both directions: evaluate with direction='both'")
+        valid = self._valid(["does", "eoen"])
+        if not valid.any():
+            return {"index1": UNDEFINED, "index2": UNDEFINED}
+        (steps, stayed), (steps_in, stayed_in) = (self._trials(d, valid) for d in NAMES)
+        return {
+            "index1": ratio(steps.astype(float), steps_in.astype(float)),
+            "index2": ratio(stayed.astype(float), stayed_in.astype(float)),
+        }
+
+    def status(self, direction: str) -> dict[str, int]:
+        """How many trials passed, reached the limit, or went wrong."""
+        status = self.dataset.status.sel(direction=direction).values
+        return {name: int(np.sum(status == code)) for code, name in STATUS_NAMES.items()}
+
+    def survival(self, direction: str) -> tuple[np.ndarray, np.ndarray]:
+        """Steps, and the share of trials that has not passed by then (`survival_curve`)."""
+        return survival_curve(*self._trials(direction, self._valid([direction])))
+
+    def notes(self) -> list[str]:
+        """What one should know before using the numbers; empty if all is well."""
+        notes = []
+        gap, diameter = float(self.dataset.attrs["gap"]), 2 * float(self.dataset.attrs["radius"])
+        caged = bool(full_cage(gap, diameter))
+        if caged:
+            notes.append(
+                f"full cage: the gap of {gap:.4g} is narrower than the object ({diameter:.4g}), "
+                "so nothing passes in either direction"
+            )
+        for direction in self.directions:
+            name, counts, n = NAMES[direction], self.status(direction), self.trials
+            if counts["invalid"]:
+                notes.append(
+                    f"{name}: {counts['invalid']} of {n} trials went wrong (a limb stepped over, "
+                    "or not a number) and are left out of the indices; a smaller dt mends it"
+                )
+            if counts["limit"] == n and not caged:
+                notes.append(
+                    f"{name}: nobody passed within {self.max_steps:,} steps, so index 1 is the "
+                    "limit itself; a higher limit tells more"
+                )
+            if counts["passed"] == n:
+                notes.append(f"{name}: everybody passed, so index 2 is 0")
+        if len(self.directions) == 2:
+            eoen = self.status("eoen")
+            if eoen["limit"] == self.trials:
+                notes.append("EoEn is at the limit: the score says only how DoEs falls short of it")
+            if eoen["limit"] == 0:
+                notes.append("the score by index 2 is undefined: EoEn's index 2 is 0")
+        return notes
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain numbers for `--json`; what is undefined is null."""
+
+        def plain(estimate: Estimate) -> dict[str, float | None]:
+            return {k: v if math.isfinite(v) else None for k, v in asdict(estimate).items()}
+
+        out: dict[str, Any] = {
+            d: {name: plain(e) for name, e in self.indices(d).items()} for d in self.directions
+        }
+        if len(self.directions) == 2:
+            out["score"] = {name: plain(e) for name, e in self.score().items()}
+        attrs = self.dataset.attrs
+        return out | {
+            "trials": self.trials,
+            "seed": int(attrs["seed"]),
+            "engine": str(attrs["engine"]),
+            "status": {d: self.status(d) for d in self.directions},
+            "wall_seconds": float(attrs["wall_seconds"]),
+            "notes": self.notes(),
+        }
+
+    def __repr__(self) -> str:
+        attrs = self.dataset.attrs
+        rows = [f"{'':8}{'index 1 [steps]':>26}{'':24}{'index 2':>18}"]
+        for direction in self.directions:
+            one, two = self.indices(direction).values()
+            rows.append(
+                f"{NAMES[direction]:8}{one.value:>10,.0f} ± {one.se:<7,.0f}"
+                f"{f'[{one.low:,.0f}, {one.high:,.0f}]':>24}"
+                f"{two.value:>12.4f} ± {two.se:.4f}  [{two.low:.4f}, {two.high:.4f}]"
+            )
+        if len(self.directions) == 2:
+            one, two = self.score().values()
+            rows.append(
+                f"{'score':8}{one.value:>10.4f} ± {one.se:<7.4f}"
+                f"{f'[{one.low:.4f}, {one.high:.4f}]':>24}"
+                f"{two.value:>12.4f} ± {two.se:.4f}  [{two.low:.4f}, {two.high:.4f}]"
+            )
+        rows.append(
+            f"{self.trials:,} trials a direction, limit {self.max_steps:,} steps, seed "
+            f"{attrs['seed']}, {attrs['engine']} (dt = {attrs['dt']:g} s, float{attrs['precision']}"
+            f"), {attrs['wall_seconds']:.1f} s; value ± standard error [95 % interval]"
+        )
+        return "\n".join(rows + [f"note: {note}" for note in self.notes()])
+
+    def _valid(self, directions: list[str]) -> np.ndarray:
+        return (self.dataset.status.sel(direction=directions) != INVALID).all("direction").values
+
+    def _trials(self, direction: str, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Escape steps, and who reached the limit, of the chosen trials."""
+        one = self.dataset.sel(direction=direction)
+        return one.escape_step.values[chosen], one.status.values[chosen] == LIMIT
