@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import jax
 import numpy as np
+from jax.core import Tracer
 
 
 def _plain(value: Any) -> float | None:
     """The value as a float if it is one concrete number, else None (traced or batched)."""
-    if value is None or isinstance(value, jax.core.Tracer) or np.ndim(value) > 0:
+    if value is None or isinstance(value, Tracer) or np.ndim(value) > 0:
         return None
     return float(value)
 

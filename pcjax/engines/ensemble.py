@@ -67,9 +67,10 @@ class Lanes(NamedTuple):
     @classmethod
     def idle(cls, count: int, dtype: type) -> Lanes:
         """Lanes with nothing to do."""
-        ints = [np.zeros(count, np.int32) for _ in range(3)]
-        floats = [np.zeros(count, dtype) for _ in range(4)]
-        return cls(*ints, *floats, np.zeros(count, np.int32), np.full(count, PASSED, np.int32))
+        kinds = dict.fromkeys(cls._fields, np.int32) | dict.fromkeys(("x", "y", "vx", "vy"), dtype)
+        idle = cls(**{name: np.zeros(count, kind) for name, kind in kinds.items()})
+        idle.status[:] = PASSED
+        return idle
 
 
 @dataclass(frozen=True)
