@@ -64,7 +64,9 @@ def hand_limbs(
     return np.array(limbs, dtype=np.float64)
 
 
-def goal_line(limbs: ArrayLike, n1: int, n2: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def goal_line(
+    limbs: ArrayLike, n1: int, n2: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """End points (A on finger 1, B on finger 2) [length] of the line the centre has to cross.
 
     It is the line between the tip joints or the one between the tip ends, whichever has its middle farther out along
@@ -154,13 +156,18 @@ def _contact(index: int, limb: _Limb, x: float, y: float) -> _Contact:
 
 def _same_normal(one: _Contact, other: _Contact) -> bool:
     """Two limbs that meet in a joint are one obstacle for a circle that touches the joint."""
-    return one.nx * other.nx + one.ny * other.ny > 0.0 and abs(one.nx * other.ny - one.ny * other.nx) < 1e-9
+    return (
+        one.nx * other.nx + one.ny * other.ny > 0.0
+        and abs(one.nx * other.ny - one.ny * other.nx) < 1e-9
+    )
 
 
 # --------------------------------------------------------------------------------------------------------- constraints
 
 
-def _to_cone(ux: float, uy: float, contacts: Sequence[_Contact]) -> tuple[float, float, list[_Contact]]:
+def _to_cone(
+    ux: float, uy: float, contacts: Sequence[_Contact]
+) -> tuple[float, float, list[_Contact]]:
     """Nearest vector to u with u.n >= 0 at every contact, and the contacts that push (all, if nothing is left of u).
 
     This solves u' = u + sum(push_i n_i), push_i >= 0, u'.n_i >= 0, push_i (u'.n_i) = 0.  In the plane at most two
@@ -191,7 +198,9 @@ def _without_normals(ux: float, uy: float, contacts: Sequence[_Contact]) -> Vect
     return ux, uy
 
 
-def _pushed_out(x: float, y: float, near: Sequence[tuple[int, _Limb]], radius: float) -> tuple[float, float, set[int]]:
+def _pushed_out(
+    x: float, y: float, near: Sequence[tuple[int, _Limb]], radius: float
+) -> tuple[float, float, set[int]]:
     """Smallest move of the centre that leaves no overlap, and the limbs that overlapped."""
     pushed: set[int] = set()
     for _ in range(50):
@@ -212,7 +221,10 @@ def _pushed_out(x: float, y: float, near: Sequence[tuple[int, _Limb]], radius: f
                 for depth2, c2 in wanted:
                     cross = c1.nx * c2.ny - c1.ny * c2.nx
                     if abs(cross) > 1e-9:
-                        move = ((depth1 * c2.ny - depth2 * c1.ny) / cross, (depth2 * c1.nx - depth1 * c2.nx) / cross)
+                        move = (
+                            (depth1 * c2.ny - depth2 * c1.ny) / cross,
+                            (depth2 * c1.nx - depth1 * c2.nx) / cross,
+                        )
                         if enough(*move):
                             moves.append(move)
         if not moves:
@@ -227,12 +239,22 @@ def _pushed_out(x: float, y: float, near: Sequence[tuple[int, _Limb]], radius: f
 
 
 def _impact_time(
-    limb: _Limb, x: float, y: float, vx: float, vy: float, ax: float, ay: float, duration: float, radius: float
+    limb: _Limb,
+    x: float,
+    y: float,
+    vx: float,
+    vy: float,
+    ax: float,
+    ay: float,
+    duration: float,
+    radius: float,
 ) -> float | None:
     """Time [s] at which the path first reaches the limb, given that it ends inside; None if it is never clear of it."""
 
     def gap(t: float) -> float:
-        return _distance(limb, x + vx * t + 0.5 * ax * t * t, y + vy * t + 0.5 * ay * t * t) - radius
+        return (
+            _distance(limb, x + vx * t + 0.5 * ax * t * t, y + vy * t + 0.5 * ay * t * t) - radius
+        )
 
     late = duration
     early = 0.0
@@ -281,7 +303,9 @@ def _step_with_contact(
     first_pass = True
 
     for _ in range(MAX_EVENTS):
-        touching = [c for c in (_contact(i, limb, x, y) for i, limb in near) if c.distance <= radius + TOUCH]
+        touching = [
+            c for c in (_contact(i, limb, x, y) for i, limb in near) if c.distance <= radius + TOUCH
+        ]
         if first_pass:
             held = {c.limb for c in touching if abs(vx * c.nx + vy * c.ny) <= STILL}
 
@@ -302,15 +326,22 @@ def _step_with_contact(
         held = {c.limb for c in holding}
         vx, vy = _without_normals(vx, vy, holding)
         if first_pass:
-            hair_x, hair_y = _without_normals(hair_x, hair_y, [c for c in holding if c.flat or len(holding) > 1])
+            hair_x, hair_y = _without_normals(
+                hair_x, hair_y, [c for c in holding if c.flat or len(holding) > 1]
+            )
             x, y = x + hair_x, y + hair_y
             first_pass = False
         bx, by, pushing = _to_cone(ax, ay, holding)
-        if len(pushing) == 1 and not _is_flat_throughout(pushing[0], near, (x, y), (vx, vy), (bx, by), left):
+        if len(pushing) == 1 and not _is_flat_throughout(
+            pushing[0], near, (x, y), (vx, vy), (bx, by), left
+        ):
             bx, by = ax, ay
 
         # The next impact on the way to the step's end.
-        end_x, end_y = x + vx * left + 0.5 * bx * left * left, y + vy * left + 0.5 * by * left * left
+        end_x, end_y = (
+            x + vx * left + 0.5 * bx * left * left,
+            y + vy * left + 0.5 * by * left * left,
+        )
         first: float | None = None
         caught: int | None = None
         for i, limb in near:
@@ -345,8 +376,12 @@ def _step_with_contact(
                 if c.flat and abs(c.distance - radius) <= 2.0 * TOUCH:
                     x, y = x + (radius - c.distance) * c.nx, y + (radius - c.distance) * c.ny
     x, y, pushed = _pushed_out(x, y, near, radius)
-    touching = [c for c in (_contact(i, limb, x, y) for i, limb in near) if c.distance <= radius + TOUCH]
-    vx, vy, _ = _to_cone(vx, vy, [c for c in touching if c.limb in held or c.limb in struck or c.limb in pushed])
+    touching = [
+        c for c in (_contact(i, limb, x, y) for i, limb in near) if c.distance <= radius + TOUCH
+    ]
+    vx, vy, _ = _to_cone(
+        vx, vy, [c for c in touching if c.limb in held or c.limb in struck or c.limb in pushed]
+    )
     return x, y, vx, vy, impacts
 
 
@@ -396,7 +431,10 @@ def simulate(
     ``escape_step``, the number (from 1) of the step that passed the goal, or None; ``contacts``, the number of impacts.
     """
     shapes = [_as_limb(segment) for segment in np.asarray(limbs, dtype=np.float64)]
-    tilts = [(float(tilt1), float(tilt2)) for tilt1, tilt2 in np.asarray(targets, dtype=np.float64).reshape(-1, 2)]
+    tilts = [
+        (float(tilt1), float(tilt2))
+        for tilt1, tilt2 in np.asarray(targets, dtype=np.float64).reshape(-1, 2)
+    ]
     period_steps = round(period / dt)
     if steps is None:
         steps = period_steps * len(tilts)
@@ -459,7 +497,9 @@ def simulate(
 
         # 2. and 3. Contacts.
         if overlap:
-            reach = travelled + 4.0 * (moved + dt * (abs(vx) + abs(vy) + abs(vx1) + abs(vy1))) + 1e-3
+            reach = (
+                travelled + 4.0 * (moved + dt * (abs(vx) + abs(vy) + abs(vx1) + abs(vy1))) + 1e-3
+            )
             near = [(i, shapes[i]) for i, when_due in enumerate(due) if when_due <= reach]
             free_end = (x1, y1, vx1, vy1)
             x1, y1, vx1, vy1, impacts = _step_with_contact(
@@ -475,7 +515,10 @@ def simulate(
 
         # 4. Goal.
         after = (x - goal_ax) * out_x + (y - goal_ay) * out_y
-        if before < 0.0 <= after and 0.0 < (x - goal_ax) * along_x + (y - goal_ay) * along_y < width:
+        if (
+            before < 0.0 <= after
+            and 0.0 < (x - goal_ax) * along_x + (y - goal_ay) * along_y < width
+        ):
             escape_step = number
             break
         before = after

@@ -1,0 +1,1 @@
+"""Speed of pcjax against what one would write instead: `python -m benchmarks`."""
