@@ -117,8 +117,7 @@ def plot_figure(dataset: xr.Dataset) -> Figure:
         right.set_ylim(0, 1.02)
         limit = float(dataset.attrs["max_steps"]) * 1e-3
         axis.set_ylim(0, 1.02 * limit)
-        lines = [*axis.get_lines(), *right.get_lines()]
-        axis.legend(handles=lines, loc="upper left")
+        axis.legend(handles=[axis.get_lines()[0], right.get_lines()[0]], loc="upper left")
     else:
         symbol = {"gap_width": "$W_g$", "radius": "$r_o$"}[settings.varies]
         values = settings.gap_widths if settings.varies == "gap_width" else settings.radii

@@ -1,0 +1,6 @@
+"""Fig. 10 at the settings of Sec. 3.3.3: DoEs for three radii."""
+
+from redo import redo
+
+if __name__ == "__main__":
+    redo("10")

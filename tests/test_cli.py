@@ -1,0 +1,617 @@
+"""The command line: its contract, its files, and one clear line for everything it refuses."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.image import imread
+
+import pcjax
+import pcjax.cli
+from pcjax import paper
+from pcjax.claims import FIGURES_NEEDED, judge_claims
+from pcjax.cli import main
+from pcjax.figures import run_figure
+
+# A wide gate and inclined fingertips: within 50 s about half of the trials pass.
+SMALL = "--trials 64 --max-steps 50_000 --fingertip-angle -20 --gap-width 400"
+TINY_FIGURE = "--trials 2 --max-steps 600_000"
+NUMBERS = ("value", "se", "low", "high")
+
+
+class Done(NamedTuple):
+    """What a command left: exit status, stdout and stderr."""
+
+    code: int
+    out: str
+    err: str
+
+
+Command = Callable[..., Done]
+
+
+@pytest.fixture
+def command(
+    capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Command:
+    """Runs a command line in this process, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(line: str) -> Done:
+        code: Any = 0
+        try:
+            main(shlex.split(line))
+        except SystemExit as end:
+            code = end.code
+        out, err = capfd.readouterr()
+        return Done(code, out, err)
+
+    return run
+
+
+def check_value(value: dict[str, Any]) -> None:
+    assert tuple(value) == NUMBERS
+    assert all(type(number) is float for number in value.values())
+    assert value["low"] <= value["value"] <= value["high"]
+    assert value["se"] >= 0
+
+
+def check_json(told: dict[str, Any], directions: tuple[str, ...]) -> None:
+    """The object that `--json` promises, to the last key."""
+    both = ("score",) if len(directions) == 2 else ()
+    plain = ("trials", "seed", "engine", "status", "wall_seconds", "notes")
+    assert set(told) == {*directions, *both, *plain}
+    for name in (*directions, *both):
+        assert set(told[name]) == {"index1", "index2"}
+        for value in told[name].values():
+            check_value(value)
+    assert set(told["status"]) == set(directions)
+    for counts in told["status"].values():
+        assert set(counts) == {"passed", "limit", "invalid"}
+        assert all(type(count) is int for count in counts.values())
+        assert sum(counts.values()) == told["trials"]
+    assert type(told["trials"]) is type(told["seed"]) is int
+    assert type(told["engine"]) is str
+    assert type(told["wall_seconds"]) is float
+    assert told["wall_seconds"] > 0
+    assert all(type(note) is str for note in told["notes"])
+
+
+def one_object(done: Done) -> dict[str, Any]:
+    """The one JSON object on stdout; nothing else may be on either stream."""
+    assert (done.code, done.err) == (0, "")
+    assert done.out.endswith("\n")
+    # A number that JSON does not know (NaN) would get through `json.loads`.
+    return json.loads(done.out, parse_constant=lambda text: pytest.fail(f"{text} is not JSON"))
+
+
+def numbers(told: dict[str, Any]) -> dict[str, Any]:
+    """All but the time it took."""
+    return {key: value for key, value in told.items() if key != "wall_seconds"}
+
+
+# ------------------------------------------------------------------------------------- evaluate
+
+
+def test_json_is_one_object_of_the_promised_shape(command: Command):
+    told = one_object(command(f"evaluate --json {SMALL}"))
+    check_json(told, ("does", "eoen"))
+    assert (told["trials"], told["seed"], told["engine"]) == (64, 0, "stepping")
+    for name, index in (("index1", 50_000), ("index2", 1)):
+        does, eoen = (told[direction][name]["value"] for direction in ("does", "eoen"))
+        assert 0 < does < index
+        assert told["score"][name]["value"] == pytest.approx(does / eoen, rel=1e-12)
+
+
+@pytest.mark.parametrize("direction", ["does", "eoen"])
+def test_one_direction_has_neither_the_other_nor_the_score(command: Command, direction: str):
+    told = one_object(command(f"evaluate --json --direction {direction} {SMALL}"))
+    check_json(told, (direction,))
+    # It is the same run as that of both directions.
+    both = one_object(command(f"evaluate --json {SMALL}"))
+    assert told[direction] == both[direction]
+
+
+def test_the_module_runs_as_a_program(tmp_path: Path):
+    done = subprocess.run(
+        [sys.executable, "-m", "pcjax", "evaluate", "--json", *shlex.split(SMALL)],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        timeout=120,
+        check=False,
+    )
+    told = one_object(Done(done.returncode, done.stdout, done.stderr))
+    check_json(told, ("does", "eoen"))
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_same_seed_repeats_and_another_changes_the_numbers(command: Command):
+    first, again, other = (
+        numbers(one_object(command(f"evaluate --json {SMALL} --seed {seed}"))) for seed in (5, 5, 6)
+    )
+    assert again == first
+    assert other["seed"] == 6
+    for direction in ("does", "eoen"):
+        assert other[direction]["index1"]["value"] != first[direction]["index1"]["value"]
+
+
+def test_the_flags_reach_the_simulation(command: Command):
+    flags = (
+        "--palm-length 510 --gap-width 390 --fingertip-length 90 --fingertip-angle -15 "
+        "--radius 24 --restitution 0.2 --gravity 9.7"
+    )
+    told = one_object(
+        command(f"evaluate --json {flags} --trials 64 --max-steps 60,000 --seed 9 --dt 0.02")
+    )
+    by_hand = pcjax.evaluate(
+        pcjax.box_hand(
+            math.radians(-15.0), palm_length=510.0, gap_width=390.0, fingertip_length=90.0
+        ),
+        pcjax.Circle(24.0),
+        drive=pcjax.WristTilt(gravity=9.7),
+        law=pcjax.ContactLaw(restitution=0.2),
+        trials=64,
+        max_steps=60_000,
+        seed=9,
+        dt=0.02,
+    )
+    assert numbers(told) == numbers(by_hand.as_json())
+
+
+def test_lengths_that_are_not_given_follow_the_palm(command: Command):
+    # With g scaled as well, twice the size is the same motion in the same time, but for impacts
+    # about the resting speed, which is a speed of its own.
+    small, large = (
+        numbers(
+            one_object(
+                command(
+                    "evaluate --json --trials 64 --max-steps 100_000 --dt 0.02 "
+                    f"--palm-length {500 * scale} --gravity {9.8 * scale}"
+                )
+            )
+        )
+        for scale in (1, 2)
+    )
+    for direction in ("does", "eoen"):
+        assert large[direction]["index1"]["value"] == pytest.approx(
+            small[direction]["index1"]["value"], rel=0.02
+        )
+
+
+def test_every_setting_of_a_run_is_handed_on(command: Command, monkeypatch: pytest.MonkeyPatch):
+    handed: dict[str, Any] = {}
+
+    def record(*_: Any, **settings: Any) -> pcjax.Evaluation:
+        handed.update(settings)
+        return pcjax.evaluate(trials=64, max_steps=50_000)
+
+    monkeypatch.setattr(pcjax.cli, "evaluate", record)
+    line = (
+        "evaluate --json --direction both --trials 1_000 --max-steps 70,000 --seed 8 "
+        "--engine stepping --dt 1e-3 --precision 64"
+    )
+    one_object(command(line))
+    expected = {
+        "direction": "both",
+        "trials": 1000,
+        "max_steps": 70_000,
+        "seed": 8,
+        "engine": "stepping",
+        "dt": 0.001,
+        "precision": 64,
+    }
+    assert {name: handed[name] for name in expected} == expected
+
+
+def test_a_gap_narrower_than_the_object_is_a_full_cage(command: Command):
+    told = one_object(
+        command("evaluate --json --gap-width 40 --radius 25 --trials 64 --max-steps 50_000")
+    )
+    check_json(told, ("does", "eoen"))
+    for direction in ("does", "eoen"):
+        assert told[direction]["index2"]["value"] == 1
+        assert told["status"][direction] == {"passed": 0, "limit": 64, "invalid": 0}
+    assert any("full cage" in note for note in told["notes"])
+    printed = command("evaluate --gap-width 40 --radius 25 --trials 64 --max-steps 50_000")
+    assert printed.code == 0
+    assert "full cage" in printed.out
+
+
+def test_without_json_a_table_is_printed(command: Command):
+    done = command(f"evaluate {SMALL}")
+    assert (done.code, done.err) == (0, "")
+    told = numbers(one_object(command(f"evaluate --json {SMALL}")))
+    for name, row in (("DoEs", "does"), ("EoEn", "eoen")):
+        assert name in done.out
+        assert f"{told[row]['index1']['value']:,.0f}" in done.out
+    assert f"{told['score']['index1']['value']:.4f}" in done.out
+
+
+def test_files_are_written_and_can_be_read(command: Command, tmp_path: Path):
+    done = command(f"evaluate --json {SMALL} --out run.nc --plot hand.png")
+    told = one_object(done)
+    check_json(told, ("does", "eoen"))
+    loaded = pcjax.Evaluation.load(tmp_path / "run.nc")
+    assert loaded.as_json() == told
+    height, width, channels = imread(tmp_path / "hand.png").shape
+    assert height >= 300
+    assert width > height
+    assert channels in (3, 4)
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["hand.png", "run.nc"]
+
+
+@pytest.mark.parametrize("flags", ["--direction does", "--gap-width 40", "--max-steps 1"])
+def test_every_kind_of_result_can_be_drawn(command: Command, tmp_path: Path, flags: str):
+    assert command(f"evaluate {SMALL} {flags} --plot hand.png").code == 0
+    assert imread(tmp_path / "hand.png").ndim == 3
+
+
+def test_no_command_prints_the_help(command: Command):
+    done = command("")
+    assert (done.code, done.err) == (0, "")
+    for name in ("evaluate", "figure", "claims"):
+        assert name in done.out
+
+
+def test_the_version_is_printed(command: Command):
+    done = command("--version")
+    assert (done.code, done.err) == (0, "")
+    assert re.fullmatch(r"pcjax \d+\.\d+\S*\n", done.out)
+
+
+def test_an_interruption_is_one_line_and_status_130(
+    command: Command, monkeypatch: pytest.MonkeyPatch
+):
+    def interrupted(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(pcjax.cli, "evaluate", interrupted)
+    done = command("evaluate")
+    assert (done.code, done.out) == (130, "")
+    assert len(done.err.splitlines()) == 1
+
+
+# ------------------------------------------------------------------------------ figures, claims
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the data of the figures that the claims need, at tiny sizes."""
+    folder = tmp_path_factory.mktemp("figures")
+    for name in FIGURES_NEEDED:
+        line = f"figure {name} {TINY_FIGURE} --out {folder}/fig{name}.nc"
+        main(shlex.split(f"{line} --plot {folder}/fig{name}.png"))
+    return folder
+
+
+@pytest.mark.parametrize("name", FIGURES_NEEDED)
+def test_a_figure_is_a_picture_and_its_data(kept: Path, name: str):
+    height, width, channels = imread(kept / f"fig{name}.png").shape
+    assert min(height, width) >= 300
+    assert channels in (3, 4)
+    data = xr.load_dataset(kept / f"fig{name}.nc", engine="h5netcdf")
+    assert (data.attrs["figure"], data.attrs["trials"], data.attrs["seed"]) == (name, 2, 0)
+    counts = data["count"]
+    assert (counts.sum("status") == 2).all()
+    assert (data.index1 > 0).all()
+    assert (data.index1 <= 600_000).all()
+    # Nobody passes a gap narrower than the object.
+    narrow = data.gap < 2 * data.radius * paper.WRIST_PALM_LENGTH * (1 - 1e-6)
+    assert (data.index2.where(narrow, 1.0) == 1.0).all()
+
+
+def test_figure_12_prints_its_numbers_and_names_its_picture(command: Command, tmp_path: Path):
+    done = command(f"figure 12 {TINY_FIGURE}")
+    assert (done.code, done.err) == (0, "")
+    assert "fig12.png" in done.out
+    assert imread(tmp_path / "fig12.png").ndim == 3
+    assert [entry.name for entry in tmp_path.iterdir()] == ["fig12.png"]
+    rows = re.findall(r"^ *(-?\d+)  ", done.out, flags=re.MULTILINE)
+    assert [float(angle) for angle in rows] == list(paper.FIGURES["12"].angles_deg)
+
+
+def verdicts(done: Done) -> dict[int, str]:
+    """The verdict of each claim by its number."""
+    found = re.findall(r"^(\d+)\. ([A-Z ]+): ", done.out, flags=re.MULTILINE)
+    return {int(number): verdict.lower() for number, verdict in found}
+
+
+ALLOWED = {"reproduced", "reproduced in part", "not reproduced"}
+
+
+def test_claims_from_kept_data_and_from_a_new_run_agree(command: Command, kept: Path):
+    from_kept = command(f"claims --results {kept}")
+    assert (from_kept.code, from_kept.err) == (0, "")
+    assert list(verdicts(from_kept)) == list(range(1, 9))
+    assert set(verdicts(from_kept).values()) <= ALLOWED
+    anew = command(f"claims {TINY_FIGURE}")
+    assert (anew.code, anew.out) == (0, from_kept.out)
+
+
+def test_estimates_that_tell_nothing_reproduce_nothing(kept: Path):
+    figures = {}
+    for name in FIGURES_NEEDED:
+        data = xr.load_dataset(kept / f"fig{name}.nc", engine="h5netcdf")
+        # Independent errors ten times the limit: no two estimates can be told apart.
+        blocks = np.zeros(data.covariance.shape)
+        blocks[0, 0] = blocks[1, 1] = np.eye(data.sizes["condition"]) * 6_000_000.0**2
+        figures[name] = data.assign(covariance=(data.covariance.dims, blocks))
+    told = {claim.number: claim.verdict for claim in judge_claims(figures)}
+    assert [number for number, verdict in told.items() if verdict == "reproduced"] == []
+
+
+def test_trials_that_all_reach_the_limit_reproduce_nothing(command: Command):
+    done = command("claims --trials 2 --max-steps 1000")
+    assert done.code == 0
+    assert len(verdicts(done)) == 8
+    assert "reproduced" not in verdicts(done).values()
+    assert "nan" not in done.out
+
+
+# ---------------------------------------------------------------------------- what it refuses
+
+
+def check_refused(done: Done, *words: str) -> None:
+    """Status 2, and one line on stderr that has the words; nothing on stdout."""
+    assert done.code == 2, done.err
+    assert done.out == ""
+    assert "Traceback" not in done.err
+    lines = done.err.splitlines()
+    assert len(lines) == 1, done.err
+    assert lines[0].strip()
+    for word in words:
+        assert word in lines[0]
+
+
+def refused(line: str, *words: str, id: str | None = None) -> Any:
+    return pytest.param(line, words, id=id or line.replace("evaluate ", "") or "nothing")
+
+
+LENGTHS = ("palm-length", "fingertip-length", "gap-width", "radius")
+BAD_LENGTHS = [
+    refused(f"evaluate --{name} {value}", name.replace("-", "_"), value)
+    for name in LENGTHS
+    for value in ("nan", "inf", "-inf", "0", "-1")
+]
+BAD_COUNTS = [
+    refused(f"evaluate --{name} {value}", value)
+    for name in ("trials", "max-steps")
+    for value in ("nan", "inf", "-inf", "0", "-1", "1.5", "2147483648", "many")
+]
+BAD_NUMBERS = [
+    refused("evaluate --restitution 1.2", "restitution", "1.2", "between 0 and 1"),
+    refused("evaluate --restitution -0.1", "restitution", "-0.1", "between 0 and 1"),
+    refused("evaluate --restitution nan", "restitution", "nan"),
+    refused("evaluate --gravity nan", "gravity", "nan"),
+    refused("evaluate --gravity inf", "gravity", "inf"),
+    refused("evaluate --gravity -9.8", "gravity", "-9.8"),
+    refused("evaluate --fingertip-angle nan", "fingertip_angle", "nan"),
+    refused("evaluate --fingertip-angle inf", "fingertip_angle", "inf"),
+    refused("evaluate --dt 0", "dt", "0"),
+    refused("evaluate --dt -0.001", "dt", "-0.001"),
+    refused("evaluate --dt=-1e-3", "dt", "-0.001"),
+    refused("evaluate --dt nan", "dt", "nan"),
+    refused("evaluate --dt inf", "dt", "inf"),
+    refused("evaluate --dt 100", "dt", "100"),
+    refused("evaluate --engine stepping --dt 0", "dt", "0"),
+    refused("evaluate --seed -1", "seed", "-1"),
+    refused("evaluate --seed 4294967296", "seed", "4294967296"),
+    refused("evaluate --seed 0.5", "seed", "0.5"),
+    refused("evaluate --precision 16", "precision", "16", "32", "64"),
+    refused("evaluate --radius ''", "radius", "not a number"),
+    refused("evaluate --radius 5cm", "radius", "5cm", "not a number"),
+]
+BAD_GEOMETRY = [
+    refused("evaluate --radius 240", "radius 240", "does not fit"),
+    refused("evaluate --direction does --radius 240", "radius 240", "does not fit"),
+    refused("evaluate --fingertip-length 600 --fingertip-angle 0", "limb 3", "crosses the palm"),
+    refused(
+        "evaluate --gap-width 150 --fingertip-angle 80",
+        "finger 1's limb 3",
+        "finger 2's limb 3",
+        "cross",
+    ),
+    refused("evaluate --gap-width 600", "gap_width", "palm_length"),
+    refused("evaluate --gap-width 500", "gap_width", "palm_length"),
+    refused("evaluate --palm-length 150 --gap-width 200", "gap_width", "palm_length"),
+]
+BAD_WORDS = [
+    refused("evaluat", "evaluat", "did you mean evaluate"),
+    refused("destroy", "destroy", "evaluate, figure, claims"),
+    refused("evaluate --radus 5", "--radus", "did you mean --radius"),
+    refused("evaluate --fingertip-angel=5", "--fingertip-angel", "did you mean --fingertip-angle"),
+    refused("figure 12 --trails 10", "--trails", "did you mean --trials"),
+    refused("claims --result here", "--result", "did you mean --results"),
+    refused("--versoin", "--versoin", "did you mean --version"),
+    refused("evaluate --frobnicate", "--frobnicate"),
+    # No abbreviations: a flag added later must not change what an old command means.
+    refused("evaluate --rad 5", "--rad", "did you mean --radius"),
+    refused("evaluate 12", "12"),
+    refused("evaluate --radius", "--radius"),
+    refused("evaluate --scenario arm", "scenario", "arm", "wrist"),
+    refused("evaluate --body stick", "body", "stick", "circle"),
+    refused("evaluate --direction in", "direction", "in", "does, eoen, both"),
+    refused("evaluate --engine event", "engine", "event", "auto, stepping"),
+    refused("figure", "figure"),
+    refused("figure 13", "13", "9a, 9b, 10, 11, 12"),
+    refused("figure 9", "'9'", "9a, 9b, 10, 11, 12"),
+    refused("figure 12 13", "13"),
+]
+BAD_FILES = [
+    refused("evaluate --out missing/run.nc", "missing/run.nc", "folder"),
+    refused("evaluate --out folder", "folder", "it is a folder"),
+    refused("evaluate --out plain/run.nc", "plain/run.nc", "folder"),
+    refused("evaluate --plot missing/hand.png", "missing/hand.png", "folder"),
+    refused("evaluate --plot folder", "folder", "it is a folder"),
+    refused("evaluate --plot hand.doc", "hand.doc", "png"),
+    refused("evaluate --plot hand", "hand", "png"),
+    refused("figure 12 --out missing/fig.nc", "missing/fig.nc", "folder"),
+    refused("figure 12 --out folder", "folder", "it is a folder"),
+    refused("figure 12 --plot missing/fig.png", "missing/fig.png", "folder"),
+    refused("figure 12 --plot folder", "folder", "it is a folder"),
+    refused("figure 12 --plot fig.doc", "fig.doc", "png"),
+    refused("claims --results missing", "missing", "fig9a.nc"),
+    refused("claims --results plain", "plain", "fig9a.nc"),
+    refused("claims --results folder", "folder", "fig9a.nc"),
+]
+BAD_FIGURES = [
+    refused(f"{name} --{flag} {value}", value)
+    for name in ("figure 12", "claims")
+    for flag, value in (
+        ("trials", "1"),
+        ("trials", "-1"),
+        ("max-steps", "0"),
+        ("dt", "nan"),
+        ("dt", "0"),
+        ("seed", "-1"),
+        ("precision", "16"),
+    )
+]
+
+
+def unexpected(*_: Any, **__: Any) -> None:
+    pytest.fail("the work began before its input was checked")
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [*BAD_LENGTHS, *BAD_COUNTS, *BAD_NUMBERS, *BAD_GEOMETRY, *BAD_WORDS, *BAD_FIGURES],
+)
+def test_bad_input_is_refused_in_one_line(
+    command: Command, tmp_path: Path, line: str, words: tuple[str, ...]
+):
+    check_refused(command(line), *words)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("line", "words"), BAD_FILES)
+def test_a_file_that_cannot_be_used_is_refused_before_the_work(
+    command: Command,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    line: str,
+    words: tuple[str, ...],
+):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "plain").write_text("a file, not a folder")
+    monkeypatch.setattr(pcjax.cli, "evaluate", unexpected)
+    monkeypatch.setattr(pcjax.cli, "run_figure", unexpected)
+    check_refused(command(line), *words)
+    assert sorted(entry.name for entry in tmp_path.rglob("*")) == ["folder", "plain"]
+
+
+def test_a_picture_of_the_wrong_kind_leaves_no_data_either(command: Command, tmp_path: Path):
+    check_refused(command(f"evaluate {SMALL} --out run.nc --plot hand.doc"), "hand.doc", "png")
+    assert not list(tmp_path.iterdir())
+
+
+def test_kept_data_that_is_no_netcdf_is_refused(command: Command, tmp_path: Path):
+    (tmp_path / "fig9a.nc").write_text("no netCDF")
+    done = command("claims --results .")
+    check_refused(done, "fig9a.nc")
+    # The file is read, not written.
+    assert "write" not in done.err
+
+
+@pytest.mark.parametrize("other", ["an evaluation", "another figure"])
+def test_kept_data_of_another_kind_is_refused(
+    command: Command, kept: Path, tmp_path: Path, other: str
+):
+    for name in FIGURES_NEEDED:
+        shutil.copy(kept / f"fig{name}.nc", tmp_path)
+    if other == "an evaluation":
+        assert command(f"evaluate {SMALL} --out fig9a.nc").code == 0
+    else:
+        shutil.copy(kept / "fig12.nc", tmp_path / "fig9a.nc")
+    check_refused(command("claims --results ."), "fig9a.nc")
+
+
+def test_a_write_that_fails_is_one_line_too(command: Command, monkeypatch: pytest.MonkeyPatch):
+    def full(dataset: xr.Dataset, path: Any, **options: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(xr.Dataset, "to_netcdf", full)
+    check_refused(command(f"evaluate {SMALL} --out run.nc"), "No space left on device")
+
+
+# -------------------------------------------------------------------- the same through Python
+
+NAN, INF = math.nan, math.inf
+
+
+def evaluate_small(**changed: Any) -> pcjax.Evaluation:
+    settings: dict[str, Any] = {"trials": 64, "max_steps": 50_000}
+    return pcjax.evaluate(**settings | changed)
+
+
+def python(name: str, make: Callable[[], Any]) -> Any:
+    return pytest.param(name, make, id=name)
+
+
+PYTHON_LENGTHS = [
+    python(f"{name} = {value}", lambda name=name, value=value: pcjax.box_hand(**{name: value}))
+    for name in ("palm_length", "gap_width", "fingertip_length", "side_length")
+    for value in (NAN, INF, -INF, 0.0, -1.0)
+]
+PYTHON_RADII = [
+    python(f"radius = {value}", lambda value=value: pcjax.Circle(value))
+    for value in (NAN, INF, -INF, 0.0, -1.0)
+]
+PYTHON_SETTINGS = [
+    python(f"{name} = {value!r}", lambda name=name, value=value: evaluate_small(**{name: value}))
+    for name, values in {
+        "trials": (NAN, INF, 0, -1, 1.5, 2**31, "64", True),
+        "max_steps": (NAN, INF, 0, -1, 1.5, 2**31),
+        "seed": (-1, 2**32, 0.5),
+        "dt": (0.0, -0.001, NAN, INF, 100.0),
+        "precision": (16, "32"),
+        "engine": ("event",),
+        "direction": ("in",),
+        "start_spread": (-0.1, NAN, 1.5),
+    }.items()
+    for value in values
+]
+PYTHON_OTHERS = [
+    python("restitution = 1.2", lambda: pcjax.ContactLaw(restitution=1.2)),
+    python("restitution = -0.1", lambda: pcjax.ContactLaw(restitution=-0.1)),
+    python("restitution = nan", lambda: pcjax.ContactLaw(restitution=NAN)),
+    python("gravity = nan", lambda: pcjax.WristTilt(gravity=NAN)),
+    python("gravity = -9.8", lambda: pcjax.WristTilt(gravity=-9.8)),
+    python("fingertip_angle = nan", lambda: pcjax.box_hand(NAN)),
+    python("gap_width = 600", lambda: pcjax.box_hand(gap_width=600.0)),
+    python("radius 240 does not fit", lambda: evaluate_small(body=pcjax.Circle(240.0))),
+    python(
+        "limb 3 crosses the palm",
+        lambda: evaluate_small(hand=pcjax.box_hand(0.0, fingertip_length=600.0)),
+    ),
+    python(
+        "limb 3 crosses finger",
+        lambda: evaluate_small(hand=pcjax.box_hand(math.radians(80.0), gap_width=150.0)),
+    ),
+    python("figure is '13'", lambda: run_figure("13", trials=2, max_steps=1000)),
+    python("trials is 1", lambda: run_figure("12", trials=1, max_steps=1000)),
+]
+
+
+@pytest.mark.parametrize(
+    ("what", "make"), [*PYTHON_LENGTHS, *PYTHON_RADII, *PYTHON_SETTINGS, *PYTHON_OTHERS]
+)
+def test_python_raises_value_error_where_the_command_line_refuses(
+    what: str, make: Callable[[], Any]
+):
+    with pytest.raises(ValueError, match=what.split()[0]) as caught:
+        make()
+    assert len(str(caught.value).splitlines()) == 1

@@ -1,0 +1,199 @@
+"""Figures as data, and the verdicts on the paper's claims drawn from them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import pcjax
+from pcjax import paper
+from pcjax.claims import FIGURES_NEEDED, IN_PART, NOT, REPRODUCED, judge_claims
+from pcjax.figures import curve, run_figure, score_curve
+from pcjax.viz.plots import plot_figure
+
+RUN = {"trials": 60, "max_steps": 40_000, "seed": 3}
+
+
+@pytest.fixture(scope="module")
+def grid() -> xr.Dataset:
+    return run_figure("12", **RUN)
+
+
+def test_a_figures_estimates_are_those_of_evaluate(grid: xr.Dataset) -> None:
+    hand = pcjax.box_hand(math.radians(20))
+    # the same step, since a figure takes the one that its smallest object needs
+    alone = pcjax.evaluate(hand, pcjax.Circle(25.0), dt=grid.attrs["dt"], **RUN)
+    line = score_curve(grid, {"radius": 0.05})
+    score = alone.score()["index1"]
+    assert line.value[line.at(20.0)] == pytest.approx(score.value, rel=1e-12)
+    assert line.se[line.at(20.0)] == pytest.approx(score.se, rel=1e-9)
+    does = curve(grid, "does", "index2", {"radius": 0.05})
+    index2 = alone.indices("does")["index2"]
+    assert does.value[does.at(20.0)] == pytest.approx(index2.value, rel=1e-12)
+    # n - 1 against n in the denominator
+    assert does.se[does.at(20.0)] == pytest.approx(index2.se * math.sqrt(60 / 59), rel=1e-9)
+
+
+def test_differences_along_a_curve_are_paired(grid: xr.Dataset) -> None:
+    runs = [
+        pcjax.evaluate(
+            pcjax.box_hand(math.radians(angle)),
+            pcjax.Circle(25.0),
+            direction="does",
+            dt=grid.attrs["dt"],
+            **RUN,
+        )
+        for angle in (0.0, 20.0)
+    ]
+    early, late = (run.dataset.escape_step.values[0].astype(float) for run in runs)
+    value, se = curve(grid, "does", where={"radius": 0.05}).difference(20.0, 0.0)
+    assert value == pytest.approx((late - early).mean())
+    assert se == pytest.approx((late - early).std(ddof=1) / math.sqrt(60))
+
+
+def test_settings_are_the_papers(grid: xr.Dataset) -> None:
+    assert grid.sizes["condition"] == 48
+    assert set(grid.radius.values) == {0.01, 0.05, 0.1}
+    assert set(grid.direction.values) == {"does", "eoen"}
+    assert np.all(grid["count"].sum("status") == RUN["trials"])
+    shut = grid.gap.values < 2 * grid.radius.values * 500 * (1 - 1e-9)
+    assert np.all(grid.index2.values[shut] == 1.0)
+    assert np.all(grid.index2.values[~shut & (grid.angle.values < 20)] < 1.0)
+
+
+def test_unknown_figure_is_refused() -> None:
+    with pytest.raises(ValueError, match="'13'"):
+        run_figure("13", **RUN)
+
+
+def synthetic(name: str, index1: dict, index2: object = None, se: float = 1e-3) -> xr.Dataset:
+    """A figure's dataset with given curves (angle -> value in limits) and independent errors."""
+    figure = paper.FIGURES[name]
+    rows = [
+        (d, w, r, a)
+        for w in figure.gap_widths
+        for r in figure.radii
+        for a in figure.angles_deg
+        for d in figure.directions
+    ]
+    key = {"gap_width": 1, "radius": 2}[figure.varies]
+    one = np.array([index1[(row[0], row[key])](row[3]) for row in rows]) * 600_000
+    two = np.array([index2(row[3]) for row in rows]) if callable(index2) else one / 600_000
+    n = len(rows)
+    covariance = np.zeros((2, 2, n, n))
+    covariance[0, 0] = np.eye(n) * (se * 600_000) ** 2
+    covariance[1, 1] = np.eye(n) * se**2
+    gap = [1e9 for _ in rows]
+    return xr.Dataset(
+        {
+            "index1": ("condition", one),
+            "index2": ("condition", two),
+            "covariance": (("estimate", "estimate_2", "condition", "condition_2"), covariance),
+            "gap": ("condition", gap),
+        },
+        coords={
+            label: ("condition", list(column))
+            for label, column in zip(
+                ("direction", "gap_width", "radius", "angle"), zip(*rows, strict=True), strict=True
+            )
+        },
+    )
+
+
+def papers_world(**changes: object) -> dict[str, xr.Dataset]:
+    """Data in which every claim of the paper holds."""
+
+    def rising(angle: float) -> float:
+        return 0.4 + 0.005 * angle
+
+    def peak(at: float) -> object:
+        return lambda angle: 0.5 - 0.00005 * (angle - at) ** 2
+
+    def entering(slope: float) -> object:
+        return lambda angle: 0.3 + (slope * (angle - 10) if angle > 10 else 0.0)
+
+    def dips(angle: float) -> float:
+        return rising(angle) - (0.03 if angle == 40 else 0.0)
+
+    narrow = synthetic("9a", {("does", 0.4): rising}, dips)
+    wide = synthetic(
+        "9b", {("does", 0.4): rising, ("does", 0.6): peak(40.0), ("does", 0.8): peak(50.0)}
+    )
+    escape = {("does", radius): rising for radius in paper.RADII}
+    enter = {
+        ("eoen", r): entering(s) for r, s in zip(paper.RADII, (0.02, 0.009, 0.006), strict=True)
+    }
+    grid = synthetic("12", escape | enter)
+    return {"9a": narrow, "9b": wide, "12": grid} | changes  # type: ignore[return-value]
+
+
+def verdicts(figures: dict[str, xr.Dataset]) -> dict[int, str]:
+    return {claim.number: claim.verdict for claim in judge_claims(figures)}
+
+
+def test_all_claims_hold_in_the_papers_world() -> None:
+    assert verdicts(papers_world()) == dict.fromkeys(range(1, 9), REPRODUCED)
+
+
+def test_claims_fail_where_they_should() -> None:
+    def rising(angle: float) -> float:
+        return 0.4 + 0.005 * angle
+
+    def falling(angle: float) -> float:
+        return 0.6 - 0.005 * angle
+
+    late = synthetic(
+        "9b",
+        {
+            ("does", 0.4): rising,
+            ("does", 0.6): lambda a: 0.5 - 0.00005 * (a - 60) ** 2,
+            ("does", 0.8): lambda a: 0.5 - 0.00005 * (a - 70) ** 2,
+        },
+    )
+    smooth = synthetic("9a", {("does", 0.4): rising})
+    odd = verdicts(papers_world(**{"9b": late, "9a": smooth}))
+    assert odd[3] == IN_PART
+    assert odd[2] == IN_PART
+
+    unrelated = synthetic("9a", {("does", 0.4): rising}, lambda a: 0.5 + 0.3 * math.sin(a))
+    falls = {("does", radius): falling for radius in paper.RADII}
+    flat = {("eoen", radius): lambda a: 0.3 for radius in paper.RADII}
+    wrong = verdicts(papers_world(**{"9a": unrelated, "12": synthetic("12", falls | flat)}))
+    assert wrong[1] == NOT
+    assert wrong[4] == NOT
+    assert wrong[5] == NOT
+    assert wrong[8] == NOT
+
+    noisy = verdicts(
+        {k: v.assign(covariance=v.covariance * 1e6) for k, v in papers_world().items()}
+    )
+    assert REPRODUCED not in {noisy[k] for k in (1, 2, 4, 5, 7, 8)}
+
+
+@pytest.mark.parametrize("name", sorted(paper.FIGURES))
+def test_pictures_show_every_curve(name: str, grid: xr.Dataset) -> None:
+    if name == "12":
+        data = grid
+    else:
+        figure = paper.FIGURES[name]
+        key = "gap_width" if figure.varies == "gap_width" else "radius"
+        values = figure.gap_widths if key == "gap_width" else figure.radii
+        shapes = {(d, v): lambda a: 0.5 + a / 400 for d in figure.directions for v in values}
+        data = synthetic(name, shapes)
+        data.attrs = {"figure": name, "trials": 10, "max_steps": 600_000, "dt": 0.01}
+    picture = plot_figure(data)
+    labelled = [
+        t.get_text()
+        for axis in picture.axes
+        if axis.get_legend()
+        for t in axis.get_legend().get_texts()
+    ]
+    assert len(labelled) == (2 if name == "9a" else 3)
+    assert all(axis.get_ylabel() for axis in picture.axes)
+
+
+def test_claims_need_all_their_figures() -> None:
+    assert set(FIGURES_NEEDED) <= set(paper.FIGURES)
