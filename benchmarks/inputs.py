@@ -23,7 +23,7 @@ def as_arrays(scenario: Scenario, *, trials: int, max_steps: int, seed: int = 0)
     with jax.enable_x64(True):
         world = jax.device_get(scenario.world())
 
-        def draw(trial: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
+        def draw(trial: Any) -> tuple[Any, Any, Any]:
             key = trial_key(seed, trial)
             start = scenario.start(start_draws(key, scenario.draws_for_start))
             targets = jax.vmap(lambda k: period_draws(key, k, 2))(np.arange(periods))

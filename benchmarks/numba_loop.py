@@ -6,7 +6,7 @@ times in seconds, angles in radians. Equation numbers are those of the paper.
 
 import cmath
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -24,13 +24,13 @@ class _Scene(NamedTuple):
     Arrays stay out of it: counting their references would cost calls inside the loop.
     """
 
-    radius: float
-    restitution: float
-    resting_speed: float
-    dt: float
-    half_dt2: float  # dt^2 / 2
-    reach2: float  # squared travel after which the limbs nearby are listed again
-    zero: float  # literals would promote float32 to float64
+    radius: Any
+    restitution: Any
+    resting_speed: Any
+    dt: Any
+    half_dt2: Any  # dt^2 / 2
+    reach2: Any  # squared travel after which the limbs nearby are listed again
+    zero: Any  # literals would promote float32 to float64
     real: type  # working precision
     g: float  # float64, as is all of the wrist
     period_steps: int

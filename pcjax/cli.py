@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import xarray as xr
-from matplotlib.figure import Figure
 
 from pcjax import paper
 from pcjax.claims import FIGURES_NEEDED, judge_claims
@@ -24,7 +23,8 @@ from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
 from pcjax.model.hand import box_hand
 from pcjax.results import NAMES, package_version, save_dataset
-from pcjax.viz.plots import plot_evaluation, plot_figure
+
+_PICTURES = (".png", ".svg", ".pdf", ".jpg", ".webp")
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -68,6 +68,14 @@ class _Parser(argparse.ArgumentParser):
             self.error(f"{name} is {value!r}: {hint}it has to be one of {', '.join(allowed)}")
 
 
+class _HelpFormatter(argparse.ArgumentDefaultsHelpFormatter):
+    """Adds the default to a flag's help where there is one to tell."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        told = action.default is None or action.default is False
+        return action.help if told else super()._get_help_string(action)
+
+
 def _parse(argv: list[str]) -> argparse.Namespace:
     parser = _Parser(
         prog="pcjax",
@@ -88,7 +96,7 @@ def _parse(argv: list[str]) -> argparse.Namespace:
             help=text,
             description=text[0].upper() + text[1:] + ".",
             allow_abbrev=False,
-            formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+            formatter_class=_HelpFormatter,
         )
         # "-1e1", "-inf" and "-nan" are values, not flags.
         subparsers[name]._negative_number_matcher = _NegativeNumber()
@@ -192,8 +200,8 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
 
 
 def _evaluate(arguments: argparse.Namespace) -> None:
-    for path in (arguments.plot, arguments.out):
-        _check_writable(path)
+    _check_picture(arguments.plot)
+    _check_writable(arguments.out)
     hand = box_hand(
         math.radians(arguments.fingertip_angle),
         palm_length=arguments.palm_length,
@@ -212,7 +220,7 @@ def _evaluate(arguments: argparse.Namespace) -> None:
     if arguments.out:
         result.save(arguments.out)
     if arguments.plot:
-        _save_picture(plot_evaluation(result), arguments.plot)
+        _save_picture("plot_evaluation", result, arguments.plot)
     print(json.dumps(result.as_json()) if arguments.json else result)
 
 
@@ -238,12 +246,12 @@ def _add_figure(parser: argparse.ArgumentParser) -> None:
 
 def _figure(arguments: argparse.Namespace) -> None:
     picture = arguments.plot or Path(f"fig{arguments.figure}.png")
-    for path in (picture, arguments.out):
-        _check_writable(path)
+    _check_picture(picture)
+    _check_writable(arguments.out)
     data = run_figure(arguments.figure, **_run_settings(arguments))
     if arguments.out:
         save_dataset(data, arguments.out)
-    _save_picture(plot_figure(data), picture)
+    _save_picture("plot_figure", data, picture)
     print(figure_table(data))
     print(f"{data.attrs['wall_seconds']:.1f} s; picture: {picture}")
 
@@ -312,14 +320,17 @@ def _check_writable(path: Path | None) -> None:
         raise ValueError(f"cannot write {path}: no permission")
 
 
-def _save_picture(figure: Figure, path: Path) -> None:
-    supported = figure.canvas.get_supported_filetypes()
-    kind = path.suffix.lstrip(".").lower()
-    if kind not in supported:
-        raise ValueError(
-            f"cannot draw {path}: the file's ending has to be one of {', '.join(sorted(supported))}"
-        )
-    figure.savefig(path, dpi=130)
+def _check_picture(path: Path | None) -> None:
+    """Fails before the work when a picture cannot be written or is of no known kind."""
+    _check_writable(path)
+    if path is not None and path.suffix.lower() not in _PICTURES:
+        raise ValueError(f"cannot draw {path}: its ending has to be one of {', '.join(_PICTURES)}")
+
+
+def _save_picture(plot: str, data: Any, path: Path) -> None:
+    from pcjax.viz import plots  # matplotlib takes a second to import, so only where it is needed
+
+    getattr(plots, plot)(data).savefig(path, dpi=130)
 
 
 if __name__ == "__main__":

@@ -259,6 +259,16 @@ def test_every_kind_of_result_can_be_drawn(command: Command, tmp_path: Path, fla
     assert imread(tmp_path / "hand.png").ndim == 3
 
 
+@pytest.mark.parametrize("ending", ["svg", "pdf", "jpg", "webp", "PNG"])
+def test_pictures_of_other_kinds(command: Command, tmp_path: Path, ending: str):
+    done = command(f"evaluate {SMALL} --plot hand.{ending}")
+    assert (done.code, done.err) == (0, "")
+    (picture,) = tmp_path.iterdir()
+    assert picture.name == f"hand.{ending}"
+    begins = {"svg": b"<?xml", "pdf": b"%PDF", "jpg": b"\xff\xd8", "webp": b"RIFF"}
+    assert picture.read_bytes().startswith(begins.get(ending, b"\x89PNG"))
+
+
 def test_no_command_prints_the_help(command: Command):
     done = command("")
     assert (done.code, done.err) == (0, "")

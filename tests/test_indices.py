@@ -21,8 +21,6 @@ from pcjax.quality.indices import (
     survival_curve,
 )
 
-Z95 = 1.959963984540054
-
 
 def sampled(name: str) -> tuple[np.ndarray, np.ndarray, int]:
     """Escape steps (the limit where censored), who was censored, and the limit."""
@@ -71,12 +69,17 @@ def pair_of_lives(
 # ------------------------------------------------------------------------------------- index 1
 
 
+def restricted_mean(fitted: KaplanMeierFitter, limit: float) -> float:
+    mean = restricted_mean_survival_time(fitted, t=limit)
+    assert isinstance(mean, float)
+    return mean
+
+
 @pytest.mark.parametrize("name", SAMPLES)
 def test_index1_is_the_restricted_mean_survival_time(name: str):
     steps, stayed, limit = sampled(name)
-    kaplan_meier = KaplanMeierFitter().fit(steps, ~stayed)
-    expected = restricted_mean_survival_time(kaplan_meier, t=limit)
-    assert index1(steps).value == pytest.approx(float(expected), rel=1e-12)
+    expected = restricted_mean(KaplanMeierFitter().fit(steps, ~stayed), limit)
+    assert index1(steps).value == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", ["spread", "ties", "most stay"])
@@ -105,8 +108,8 @@ def test_a_real_run_agrees_with_survival_analysis(run: pcjax.Evaluation, directi
     assert 0 < stayed.sum() < len(stayed), "the sample has to mix escapes and censored trials"
     kaplan_meier = KaplanMeierFitter().fit(steps, ~stayed)
     estimates = run.indices(direction)
-    expected = restricted_mean_survival_time(kaplan_meier, t=run.max_steps)
-    assert estimates["index1"].value == pytest.approx(float(expected), rel=1e-12)
+    expected = restricted_mean(kaplan_meier, run.max_steps)
+    assert estimates["index1"].value == pytest.approx(expected, rel=1e-12)
     at_the_limit = kaplan_meier.survival_function_at_times(run.max_steps).item()
     assert estimates["index2"].value == pytest.approx(at_the_limit, abs=1e-12)
     times, left = run.survival(direction)
@@ -145,19 +148,28 @@ def test_survival_curve_of_trials_that_all_stay_is_flat():
 # ------------------------------------------------------------------------------------- index 2
 
 
-@pytest.mark.parametrize(("stay", "n"), [(0, 1), (1, 1), (0, 40), (40, 40), (13, 40), (4999, 5000)])
+@pytest.mark.parametrize(
+    ("stay", "n"), [(0, 1), (1, 1), (0, 40), (40, 40), (1, 40), (13, 40), (4999, 5000)]
+)
 def test_index2_interval_is_wilsons(stay: int, n: int):
     estimate = index2(np.arange(n) < stay)
-    share = stay / n
-    centre = (share + Z95**2 / (2 * n)) / (1 + Z95**2 / n)
-    reach = Z95 * math.sqrt(share * (1 - share) / n + Z95**2 / (4 * n**2)) / (1 + Z95**2 / n)
-    assert estimate.value == pytest.approx(share, rel=1e-15)
-    assert estimate.se == pytest.approx(math.sqrt(share * (1 - share) / n), rel=1e-12)
-    # Rounding of the closed form near 0 and 1.
+    interval = stats.binomtest(stay, n).proportion_ci(0.95, method="wilson")
+    assert estimate.value == stay / n
+    assert estimate.se == pytest.approx(float(stats.binom.std(n, stay / n)) / n, rel=1e-12)
+    # Near 0 and 1 two nearly equal numbers are subtracted.
     assert (estimate.low, estimate.high) == pytest.approx(
-        (centre - reach, centre + reach), rel=1e-10, abs=1e-12
+        (interval.low, interval.high), rel=1e-12, abs=1e-15
     )
     assert 0 <= estimate.low <= estimate.value <= estimate.high <= 1
+
+
+@pytest.mark.parametrize("n", [1, 7, 40, 5000])
+def test_index2_interval_stays_within_0_and_1(n: int):
+    nobody, everybody = index2(np.full(n, False)), index2(np.full(n, True))
+    assert (nobody.value, nobody.low) == (0.0, 0.0)
+    assert (everybody.value, everybody.high) == (1.0, 1.0)
+    assert nobody.high == pytest.approx(1.0 - everybody.low, rel=1e-12)
+    assert 0 < nobody.high < 1
 
 
 def test_index2_interval_covers_the_truth():

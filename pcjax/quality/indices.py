@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Integer
-from scipy import stats
+from scipy.special import ndtri, stdtrit
 
-_Z95 = float(stats.norm.ppf(0.975))
+_Z95 = float(ndtri(0.975))
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,12 @@ def index2(stayed: Bool[np.ndarray, " trials"]) -> Estimate:
     """Index 2: share of trials that reach the limit. Interval: Wilson."""
     n = len(stayed)
     share = float(np.mean(stayed))
-    interval = stats.binomtest(int(np.sum(stayed)), n).proportion_ci(0.95, method="wilson")
-    return Estimate(
-        share, math.sqrt(share * (1 - share) / n), float(interval.low), float(interval.high)
-    )
+    spread = _Z95**2 / n
+    middle = (share + spread / 2) / (1 + spread)
+    reach = math.sqrt(spread * (share * (1 - share) + spread / 4)) / (1 + spread)
+    low = 0.0 if share == 0 else middle - reach
+    high = 1.0 if share == 1 else middle + reach
+    return Estimate(share, math.sqrt(share * (1 - share) / n), low, high)
 
 
 def ratio(does: Float[np.ndarray, " trials"], eoen: Float[np.ndarray, " trials"]) -> Estimate:
@@ -75,7 +77,7 @@ def _mean(sample: Float[np.ndarray, " trials"]) -> Estimate:
     if n < 2:
         return Estimate(value, math.nan, math.nan, math.nan)
     se = float(np.std(sample, ddof=1)) / math.sqrt(n)
-    reach = float(stats.t.ppf(0.975, n - 1)) * se
+    reach = float(stdtrit(n - 1, 0.975)) * se
     return Estimate(value, se, value - reach, value + reach)
 
 
