@@ -79,12 +79,13 @@ class Curve:
 
     def difference(self, later: float, earlier: float) -> tuple[float, float]:
         """value(later) - value(earlier) and its standard error, paired."""
-        return self.contrast({later: 1.0, earlier: -1.0})
+        return self.contrast((later, 1.0), (earlier, -1.0))
 
-    def contrast(self, weights: dict[float, float]) -> tuple[float, float]:
-        """A weighted sum of values by angle, and its standard error."""
+    def contrast(self, *terms: tuple[float, float]) -> tuple[float, float]:
+        """The sum of value(angle) times weight over `terms`, (angle, weight), and its standard
+        error."""
         w = np.zeros(len(self.angle))
-        for angle, weight in weights.items():
+        for angle, weight in terms:
             w[self.at(angle)] += weight
         return float(w @ self.value), math.sqrt(max(float(w @ self.covariance @ w), 0.0))
 

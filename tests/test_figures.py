@@ -54,6 +54,11 @@ def test_differences_along_a_curve_are_paired(grid: xr.Dataset) -> None:
     assert se == pytest.approx((late - early).std(ddof=1) / math.sqrt(60))
 
 
+def test_a_contrast_adds_up_terms_at_one_angle(grid: xr.Dataset) -> None:
+    line = score_curve(grid, {"radius": 0.05})
+    assert line.difference(10.0, 10.0) == (0.0, 0.0)
+
+
 def test_settings_are_the_papers(grid: xr.Dataset) -> None:
     assert grid.sizes["condition"] == 48
     assert set(grid.radius.values) == {0.01, 0.05, 0.1}
