@@ -16,11 +16,17 @@ def _plain(value: Any) -> float | None:
     return float(value)
 
 
+_LARGEST = 1e15
+"""Beyond this, squares of squares leave the range of float32."""
+
+
 def check_finite(name: str, value: Any) -> None:
-    """Raises ValueError unless `value` is a finite number."""
+    """Raises ValueError unless `value` is a finite number (of at most 1e15)."""
     number = _plain(value)
     if number is not None and not math.isfinite(number):
         raise ValueError(f"{name} is {number}: it has to be a finite number")
+    if number is not None and abs(number) > _LARGEST:
+        raise ValueError(f"{name} is {number:g}: it has to be at most {_LARGEST:g} in size")
 
 
 def check_positive(name: str, value: Any) -> None:

@@ -296,15 +296,23 @@ def _claims(arguments: argparse.Namespace) -> None:
     figures = {}
     for name in FIGURES_NEEDED:
         if arguments.results is None:
-            print(f"running Fig. {name} ...", file=sys.stderr)
             figures[name] = run_figure(name, **_run_settings(arguments))
-            continue
-        path = arguments.results / f"fig{name}.nc"
-        if not path.is_file():
-            raise ValueError(f"{path} is missing: --results has to name a folder with fig{name}.nc")
-        figures[name] = xr.load_dataset(path, engine="h5netcdf")
+        else:
+            figures[name] = _load_figure(arguments.results / f"fig{name}.nc", name)
     for claim in judge_claims(figures):
         print(f"{claim.number}. {claim.verdict.upper()}: {claim.text}\n     {claim.evidence}")
+
+
+def _load_figure(path: Path, name: str) -> xr.Dataset:
+    if not path.is_file():
+        raise ValueError(f"{path} is missing: --results has to name a folder with fig{name}.nc")
+    try:
+        data = xr.load_dataset(path, engine="h5netcdf")
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path} is no netCDF file that can be read") from error
+    if data.attrs.get("figure") != name:
+        raise ValueError(f"{path} does not hold Fig. {name}: make it by 'pcjax figure {name}'")
+    return data
 
 
 def _check_writable(path: Path | None) -> None:

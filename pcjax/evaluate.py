@@ -13,7 +13,7 @@ import xarray as xr
 
 from pcjax.checks import check_count
 from pcjax.engines.ensemble import LIMIT, STATUS_NAMES, run
-from pcjax.engines.stepping import Stepping
+from pcjax.engines.stepping import SHORTEST_STEP, Stepping
 from pcjax.model.body import Circle
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
@@ -45,7 +45,7 @@ def choose_engine(name: str, dt: float | None, scenarios: Sequence[Scenario]) ->
         raise ValueError(f"engine is {name!r}: it has to be 'auto' or 'stepping'")
     if dt is not None:
         return Stepping(dt)
-    return Stepping(min([_LARGEST_AUTO_STEP, *(_safe_step(s) for s in scenarios)]))
+    return Stepping(min(_safe_step(scenario) for scenario in scenarios))
 
 
 def _safe_step(scenario: Scenario) -> float:
@@ -54,7 +54,13 @@ def _safe_step(scenario: Scenario) -> float:
     reach = float(hand.palm_length) + max(float(sum(ls)) for ls in hand.lengths)
     pull = float(drive.gravity) * math.sqrt(2.0) * math.sin(float(drive.amplitude))
     speed = math.sqrt(2.0 * pull * reach)
-    return _AUTO_TRAVEL * float(scenario.body.radius) / max(speed, 1e-9)
+    radius = float(scenario.body.radius)
+    if _AUTO_TRAVEL * radius < SHORTEST_STEP * speed:
+        raise ValueError(
+            f"the radius {radius:g} is too small for a hand of {reach:g} under gravity: the object "
+            f"would need steps below {SHORTEST_STEP:g} s"
+        )
+    return min(_LARGEST_AUTO_STEP, _AUTO_TRAVEL * radius / max(speed, 1e-9))
 
 
 def evaluate(

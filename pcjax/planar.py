@@ -94,12 +94,17 @@ class Segment(eqx.Module):
 
 
 def segments_cross(a: Segment, b: Segment) -> Flag:
-    """Whether two segments cut through each other (merely touching ones do not)."""
+    """Whether two segments cut through each other or lie on each other; touching is neither."""
 
     def on_both_sides(of: Segment, by: Segment) -> Flag:
         return by.tangent.cross(of.start - by.start) * by.tangent.cross(of.end - by.start) < 0
 
-    return on_both_sides(a, b) & on_both_sides(b, a)
+    small = 1e-9 * (a.length + b.length)
+    ends = [a.tangent.dot(point - a.start) for point in (b.start, b.end)]
+    shared = jnp.minimum(jnp.maximum(*ends), a.length) - jnp.maximum(jnp.minimum(*ends), 0.0)
+    off_line = [jnp.abs(a.tangent.cross(point - a.start)) for point in (b.start, b.end)]
+    on_each_other = (jnp.maximum(*off_line) < small) & (shared > small)
+    return (on_both_sides(a, b) & on_both_sides(b, a)) | on_each_other
 
 
 def segments_gap(a: Segment, b: Segment) -> Scalar:

@@ -64,15 +64,19 @@ def save_dataset(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     path = Path(path)
     handle, unfinished = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     os.close(handle)
+    mask = os.umask(0)
+    os.umask(mask)
     try:
         compress = {
             name: {"zlib": True, "complevel": 9} for name, var in dataset.items() if var.ndim
         }
         dataset.to_netcdf(unfinished, engine="h5netcdf", encoding=compress)
-        os.chmod(unfinished, 0o644)
+        os.chmod(unfinished, 0o666 & ~mask)
         os.replace(unfinished, path)
-    except BaseException:
+    except BaseException as error:
         os.unlink(unfinished)
+        if isinstance(error, OSError):
+            raise OSError(error.errno, error.strerror or str(error), str(path)) from error
         raise
     return path
 
@@ -238,8 +242,14 @@ class Evaluation:
             eoen = self.status("eoen")
             if eoen["limit"] == self.trials:
                 notes.append("EoEn is at the limit: the score says only how DoEs falls short of it")
-            if eoen["limit"] == 0:
-                notes.append("the score by index 2 is undefined: EoEn's index 2 is 0")
+            score = self.score()
+            if math.isnan(score["index1"].value):
+                notes.append("the score is undefined: no trial went right in both directions")
+            elif math.isnan(score["index2"].value):
+                notes.append(
+                    "the score by index 2 is undefined: EoEn's index 2 is 0 over the trials that "
+                    "went right in both directions"
+                )
         return notes
 
     def as_json(self) -> dict[str, Any]:

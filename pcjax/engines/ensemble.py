@@ -232,7 +232,7 @@ class _Ledger:
 
     def collect(self, lanes: Lanes, lag: np.ndarray, ran: np.ndarray) -> None:
         """Takes down which of the trials that `ran` in the last period have ended."""
-        time = lanes.steps * self._dt - lag
+        time = lanes.steps * self._dt - np.where(lanes.status == PASSED, lag, 0.0)
         paper_steps = np.maximum(np.ceil(time / PAPER_DT - 1e-6), 1)
         late = (lanes.status == PASSED) & (paper_steps > self._max_steps)
         out_of_time = (lanes.status == RUNNING) & (lanes.period > self._last_period)

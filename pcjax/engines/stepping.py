@@ -19,6 +19,9 @@ from pcjax.planar import Scalar, Vec
 _CHUNK = 50
 """Steps between two looks at whether anybody in the batch is still under way."""
 
+SHORTEST_STEP, LONGEST_STEP = 1e-6, 0.2
+"""Bounds of the solver's step, s."""
+
 _LANES = State(Vec(0, 0), Vec(0, 0), None, 0, 0)  # type: ignore[arg-type]
 """vmap axes of a batch of states: the clock is shared."""
 
@@ -32,7 +35,7 @@ class Stepping:
             period of the drive into a whole number of chunks of 50 steps.
 
     Raises:
-        ValueError: a step that is not positive, or above 0.2 s.
+        ValueError: a step outside [1e-6, 0.2] s.
     """
 
     dt: float = PAPER_DT
@@ -40,7 +43,7 @@ class Stepping:
 
     def __post_init__(self) -> None:
         check_positive("dt", self.dt)
-        check_between("dt", self.dt, 1e-6, 0.2)
+        check_between("dt", self.dt, SHORTEST_STEP, LONGEST_STEP)
 
     def steps_per_period(self, period: float) -> int:
         """Steps in one period of the drive."""

@@ -67,7 +67,7 @@ def ratio(does: Float[np.ndarray, " trials"], eoen: Float[np.ndarray, " trials"]
     residual = (does - value * eoen) / bottom
     se = float(np.std(residual, ddof=1)) / math.sqrt(len(does))
     if value == 0:
-        return Estimate(0.0, se, 0.0, 0.0)
+        return Estimate(0.0, math.nan, 0.0, math.nan)  # a sample without one event bounds nothing
     factor = math.exp(_Z95 * se / value)
     return Estimate(value, se, value / factor, value * factor)
 

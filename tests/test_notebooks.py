@@ -1,0 +1,53 @@
+"""The notebooks: they run from top to bottom, and what is committed is a clean run with pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
+
+
+def test_notebooks_are_there():
+    assert [path.stem for path in NOTEBOOKS] == ["fig12", "quickstart"]
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_runs_from_top_to_bottom(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PCJAX_TRIALS", "50")
+    monkeypatch.setenv("PCJAX_MAX_STEPS", "20000")
+    notebook = nbformat.read(path, as_version=4)
+    # Raises CellExecutionError, with the cell and its traceback, if a cell fails.
+    NotebookClient(
+        notebook,
+        timeout=600,
+        kernel_name="python3",
+        resources={"metadata": {"path": str(tmp_path)}},
+    ).execute()
+    assert pictures(notebook) == pictures(nbformat.read(path, as_version=4))
+    assert list(tmp_path.iterdir()) == [], "a notebook leaves no files behind"
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_committed_version_is_a_clean_run(path: Path) -> None:
+    notebook = nbformat.read(path, as_version=4)
+    nbformat.validate(notebook)
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert [cell.execution_count for cell in code] == list(range(1, len(code) + 1))
+    assert pictures(notebook) >= 4
+    for cell in code:
+        for output in cell.outputs:
+            assert output.output_type != "error"
+            assert output.get("name") != "stderr", output.text
+    assert path.stat().st_size < 400_000
+
+
+def pictures(notebook: nbformat.NotebookNode) -> int:
+    """How many pictures the outputs hold."""
+    outputs = [o for cell in notebook.cells if cell.cell_type == "code" for o in cell.outputs]
+    return sum("image/png" in output.get("data", {}) for output in outputs)
