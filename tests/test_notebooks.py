@@ -1,4 +1,4 @@
-"""The notebooks: they run from top to bottom, and what is committed is a clean run with pictures."""
+"""The notebooks run from top to bottom, and what is committed is a clean run with pictures."""
 
 from __future__ import annotations
 
