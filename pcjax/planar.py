@@ -6,6 +6,8 @@ and the elementwise arithmetic of a whole step fuses into few loops.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
@@ -107,10 +109,18 @@ def segments_cross(a: Segment, b: Segment) -> Flag:
     return (on_both_sides(a, b) & on_both_sides(b, a)) | on_each_other
 
 
-def segments_gap(a: Segment, b: Segment) -> Scalar:
-    """Least distance between two segments that do not cross."""
-    candidates = (a.distance(b.start), a.distance(b.end), b.distance(a.start), b.distance(a.end))
-    least = candidates[0]
-    for candidate in candidates[1:]:
-        least = jnp.minimum(least, candidate)
-    return least
+def closest_points(a: Segment, b: Segment) -> tuple[Vec, Vec]:
+    """The points of two segments, which do not cross, that lie closest to each other."""
+    pairs = [(point - a.offset(point), point) for point in (b.start, b.end)]
+    pairs += [(point, point - b.offset(point)) for point in (a.start, a.end)]
+    return closest_pair(pairs)
+
+
+def closest_pair(pairs: Sequence[tuple[Vec, Vec]]) -> tuple[Vec, Vec]:
+    """The pair of points that lie closest to each other, the first of them in a tie."""
+    best = pairs[0]
+    for pair in pairs[1:]:
+        apart, least = pair[1] - pair[0], best[1] - best[0]
+        nearer = apart.dot(apart) < least.dot(least)
+        best = where(nearer, pair[0], best[0]), where(nearer, pair[1], best[1])
+    return best

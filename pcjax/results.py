@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
@@ -22,6 +23,9 @@ from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario
 from pcjax.physics.step import INVALID, PAPER_DT
 from pcjax.quality.indices import UNDEFINED, Estimate, index1, index2, ratio, survival_curve
+
+_CORNER = (0.9, 0.0, 0.0)
+"""Draws of the start in the corner at the palm's right end."""
 
 NAMES = {"does": "DoEs", "eoen": "EoEn"}
 """Directions: difficulty of escaping and ease of entering."""
@@ -113,16 +117,31 @@ class Evaluation:
             "long_name": "escape step, or the limit",
         }
         first = next(iter(scenarios.values()))
+        passages = jax.device_get([s.hand.narrowest_passage() for s in scenarios.values()])
+        gaps = [math.hypot(b.x - a.x, b.y - a.y) for a, b in passages]
+        starts = jax.device_get([s.start(jnp.asarray(_CORNER)) for s in scenarios.values()])
         dataset = xr.Dataset(
             {
                 "escape_step": (("direction", "trial"), outcomes.steps, steps),
                 "status": (("direction", "trial"), outcomes.status, flags),
                 "limbs": (("direction", "limb", "end"), np.array(limbs, float), length),
                 "goal": (("direction", "end"), np.array(goals, float), length),
+                "passage": (
+                    ("direction", "end"),
+                    np.array([[a.x, a.y, b.x, b.y] for a, b in passages], float),
+                    length | {"long_name": "narrowest passage between the fingers"},
+                ),
+                "gap": ("direction", gaps, length | {"long_name": "length of the passage"}),
+                "start": (
+                    ("direction", "coordinate"),
+                    np.array([[start.x, start.y] for start in starts], float),
+                    length | {"long_name": "the start closest to the right corner"},
+                ),
             },
             coords={
                 "direction": list(scenarios),
                 "end": ["x_start", "y_start", "x_end", "y_end"],
+                "coordinate": ["x", "y"],
             },
             attrs=provenance(run)
             | {
@@ -205,6 +224,33 @@ class Evaluation:
             "index2": ratio(stayed.astype(float), stayed_in.astype(float)),
         }
 
+    def difference(self, other: Evaluation, direction: str) -> dict[str, Estimate]:
+        """How much higher this hand's index 1 and index 2 are than another one's.
+
+        Trial i was the same experiment for both, so the difference is known better than either.
+
+        Raises:
+            ValueError: the two differ in seed, limit or number of trials.
+        """
+        for name in ("seed", "max_steps", "trials"):
+            mine, theirs = (
+                run.trials if name == "trials" else int(run.dataset.attrs[name])
+                for run in (self, other)
+            )
+            if mine != theirs:
+                raise ValueError(
+                    f"{name} is {mine} here and {theirs} there: only runs with the same seed, "
+                    "limit and trials can be compared trial by trial"
+                )
+        valid = self._valid([direction]) & other._valid([direction])
+        (steps, stayed), (their_steps, they_stayed) = (
+            run._trials(direction, valid) for run in (self, other)
+        )
+        return {
+            "index1": index1(steps - their_steps),
+            "index2": index1(stayed.astype(int) - they_stayed.astype(int)),
+        }
+
     def status(self, direction: str) -> dict[str, int]:
         """How many trials passed, reached the limit, or went wrong."""
         status = self.dataset.status.sel(direction=direction).values
@@ -217,15 +263,16 @@ class Evaluation:
     def notes(self) -> list[str]:
         """What one should know before using the numbers; empty if all is well."""
         notes = []
-        gap, diameter = float(self.dataset.attrs["gap"]), 2 * float(self.dataset.attrs["radius"])
-        caged = bool(full_cage(gap, diameter))
-        if caged:
-            notes.append(
-                f"full cage: the gap of {gap:.4g} is narrower than the object ({diameter:.4g}), "
-                "so nothing passes in either direction"
-            )
+        diameter = 2 * float(self.dataset.attrs["radius"])
         for direction in self.directions:
             name, counts, n = NAMES[direction], self.status(direction), self.trials
+            gap = float(self.dataset.gap.sel(direction=direction))
+            caged = bool(full_cage(gap, diameter))
+            if caged:
+                notes.append(
+                    f"{name}: full cage, the gap of {gap:.4g} is narrower than the object "
+                    f"({diameter:.4g}) and nothing passes"
+                )
             if counts["invalid"]:
                 notes.append(
                     f"{name}: {counts['invalid']} of {n} trials went wrong (a limb stepped over, "

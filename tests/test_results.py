@@ -391,3 +391,42 @@ def test_the_plain_object_is_strict_json(run: pcjax.Evaluation):
     for direction in ("does", "eoen"):
         assert sum(plain["status"][direction].values()) == plain["trials"] == 64
         assert plain["status"][direction] == run.status(direction)
+
+
+def test_differences_between_hands_are_paired(run: pcjax.Evaluation):
+    seed = int(run.dataset.attrs["seed"])
+    hand = pcjax.box_hand(0.5)
+    other = pcjax.evaluate(hand, trials=run.trials, max_steps=run.max_steps, seed=seed)
+    for direction in run.directions:
+        mine, theirs = (
+            e.dataset.escape_step.sel(direction=direction).values.astype(float)
+            for e in (run, other)
+        )
+        found = run.difference(other, direction)["index1"]
+        assert found.value == pytest.approx((mine - theirs).mean())
+        assert found.se == pytest.approx((mine - theirs).std(ddof=1) / math.sqrt(run.trials))
+    assert run.difference(run, "does")["index2"].value == 0.0
+
+
+def test_runs_on_other_trials_are_not_compared(run: pcjax.Evaluation):
+    other = pcjax.Evaluation(run.dataset.isel(trial=slice(0, 10)))
+    with pytest.raises(ValueError, match=r"trials is .* here and 10 there"):
+        run.difference(other, "does")
+
+
+def test_an_asymmetric_hand_has_a_gap_and_a_cage_of_its_own_in_each_direction():
+    right = math.pi / 2
+    hand = pcjax.HandDesign(
+        500.0, ((500.0, 150.0, 100.0), (450.0, 100.0)), ((right, right, 0.9), (right, 1.0))
+    )
+    gaps = [float(turned.gap()) for turned in (hand, hand.with_fingertips_turned())]
+    assert abs(gaps[0] - gaps[1]) > 20
+    radius = sum(gaps) / 4  # fits through one of the two only
+    result = pcjax.evaluate(hand, pcjax.Circle(radius), trials=64, max_steps=20_000)
+    assert list(result.dataset.gap.values) == pytest.approx(gaps)
+    caged = "does" if gaps[0] < gaps[1] else "eoen"
+    name = {"does": "DoEs", "eoen": "EoEn"}
+    free = "eoen" if caged == "does" else "does"
+    assert noted(result, f"{name[caged]}: full cage")
+    assert not noted(result, f"{name[free]}: full cage")
+    assert result.status(caged)["passed"] == 0

@@ -10,7 +10,17 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from pcjax.checks import check_finite, check_positive
-from pcjax.planar import Flag, Scalar, Segment, Vec, segments_cross, segments_gap, where
+from pcjax.planar import (
+    Flag,
+    Scalar,
+    Segment,
+    Vec,
+    closest_pair,
+    closest_points,
+    segments_cross,
+    unit_and_length,
+    where,
+)
 
 FingerValues = tuple[tuple[Scalar, ...], tuple[Scalar, ...]]
 
@@ -98,11 +108,12 @@ class HandDesign(eqx.Module):
 
         An object that is wider is in a full cage.
         """
-        pairs = [(a, b) for a in self.finger(0) for b in self.finger(1)]
-        least = segments_gap(*pairs[0])
-        for a, b in pairs[1:]:
-            least = jnp.minimum(least, segments_gap(a, b))
-        return least
+        a, b = self.narrowest_passage()
+        return unit_and_length(b - a)[1]
+
+    def narrowest_passage(self) -> tuple[Vec, Vec]:
+        """The points of finger 1 and finger 2 that are closest to each other."""
+        return closest_pair([closest_points(a, b) for a in self.finger(0) for b in self.finger(1)])
 
     def crossings(self) -> dict[tuple[str, str], Flag]:
         """For each pair of limbs that do not share a joint, whether they cross."""

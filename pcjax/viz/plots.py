@@ -38,22 +38,16 @@ def draw_hand(axis: Axes, evaluation: Evaluation, direction: str) -> None:
         axis.plot([x0, x1], [y0, y1], color="black", lw=2, solid_capstyle="round")
     ax, ay, bx, by = data.goal.values
     axis.plot([ax, bx], [ay, by], color=COLOURS[2], ls="--", lw=1.5, label="goal line")
-    palm_x, palm_y = data.limbs.values[0][2], data.limbs.values[0][3]
-    centre = (palm_x - radius, palm_y + radius)
     axis.add_patch(
-        Disc(centre, radius, color=_DIRECTION_COLOUR[direction], alpha=0.7, label="object")
-    )
-    gap = float(evaluation.dataset.attrs["gap"])
-    first, second = data.limbs.values[len(data.limbs) // 2], data.limbs.values[-1]
-    end = 2 if abs(first[2] - second[2]) < abs(first[0] - second[0]) else 0
-    y = (first[end + 1] + second[end + 1]) / 2
+        Disc(data.start.values, radius, color=_DIRECTION_COLOUR[direction], alpha=0.7)
+    ).set_label("object")
+    x0, y0, x1, y1 = data.passage.values
+    axis.annotate("", (x0, y0), (x1, y1), arrowprops={"arrowstyle": "<->", "color": "0.4"})
     axis.annotate(
-        "", (first[end], y), (second[end], y), arrowprops={"arrowstyle": "<->", "color": "0.4"}
-    )
-    axis.text(
-        (first[end] + second[end]) / 2,
-        y,
-        f"gap {gap:.4g}",
+        f"gap {float(data.gap):.4g}",
+        ((x0 + x1) / 2, (y0 + y1) / 2),
+        (0, -4),
+        textcoords="offset points",
         ha="center",
         va="top",
         color="0.3",
