@@ -38,7 +38,7 @@ def main() -> None:
     scenario = does(box_hand(math.radians(10)), Circle(25.0))
     inputs = as_arrays(scenario, trials=trials, max_steps=limit)
     few = min(trials, 8)
-    automatic = choose_engine("auto", None, [scenario])
+    automatic = choose_engine("auto", None, scenario)
 
     def pcjax_steps(engine: Stepping, precision: int) -> Callable[[], np.ndarray]:
         return lambda: run(

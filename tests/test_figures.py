@@ -24,8 +24,7 @@ def grid() -> xr.Dataset:
 
 def test_a_figures_estimates_are_those_of_evaluate(grid: xr.Dataset) -> None:
     hand = pcjax.box_hand(math.radians(20))
-    # the same step, since a figure takes the one that its smallest object needs
-    alone = pcjax.evaluate(hand, pcjax.Circle(25.0), dt=grid.attrs["dt"], **RUN)
+    alone = pcjax.evaluate(hand, pcjax.Circle(25.0), **RUN)
     line = score_curve(grid, {"radius": 0.05})
     score = alone.score()["index1"]
     assert line.value[line.at(20.0)] == pytest.approx(score.value, rel=1e-12)
@@ -43,7 +42,6 @@ def test_differences_along_a_curve_are_paired(grid: xr.Dataset) -> None:
             pcjax.box_hand(math.radians(angle)),
             pcjax.Circle(25.0),
             direction="does",
-            dt=grid.attrs["dt"],
             **RUN,
         )
         for angle in (0.0, 20.0)
@@ -98,6 +96,7 @@ def synthetic(name: str, index1: dict, index2: object = None, se: float = 1e-3) 
             "index2": ("condition", two),
             "covariance": (("estimate", "estimate_2", "condition", "condition_2"), covariance),
             "gap": ("condition", gap),
+            "dt": ("condition", [0.01] * n),
         },
         coords={
             label: ("condition", list(column))
@@ -188,7 +187,7 @@ def test_pictures_show_every_curve(name: str, grid: xr.Dataset) -> None:
         values = figure.gap_widths if key == "gap_width" else figure.radii
         shapes = {(d, v): lambda a: 0.5 + a / 400 for d in figure.directions for v in values}
         data = synthetic(name, shapes)
-        data.attrs = {"figure": name, "trials": 10, "max_steps": 600_000, "dt": 0.01}
+        data.attrs = {"figure": name, "trials": 10, "max_steps": 600_000}
     picture = plot_figure(data)
     labelled = [
         t.get_text()

@@ -87,6 +87,18 @@ class Outcomes:
     status: UInt8[np.ndarray, "conditions trials"]
     max_steps: int
 
+    @classmethod
+    def blank(cls, conditions: int, trials: int, max_steps: int) -> Outcomes:
+        """Outcomes to be filled in.
+
+        Raises:
+            ValueError: a count out of range.
+        """
+        check_count("trials", trials, 1, 2**31 - 1)
+        check_count("max_steps", max_steps, 1, 2**31 - 1)
+        shape = conditions, trials
+        return cls(np.zeros(shape, np.int32), np.zeros(shape, np.uint8), max_steps)
+
 
 def run(
     scenarios: Sequence[Scenario],
@@ -117,8 +129,7 @@ def run(
     Raises:
         ValueError: a count out of range, or scenarios of unequal structure.
     """
-    check_count("trials", trials, 1, 2**31 - 1)
-    check_count("max_steps", max_steps, 1, 2**31 - 1)
+    outcomes = Outcomes.blank(len(scenarios), trials, max_steps)
     check_count("seed", seed, 0, 2**32 - 1)
     if precision not in (32, 64):
         raise ValueError(f"precision is {precision!r}: it has to be 32 or 64 (bits)")
@@ -132,13 +143,13 @@ def run(
     devices = jax.local_devices()
     platform = devices[0].platform
     crew = _crew(devices, workers)
-    total = len(scenarios) * trials
+    total = outcomes.steps.size
     if block is None:
         fair = -(-total // len(crew))
         largest = _BLOCK.get(platform, _BLOCK_ON_ACCELERATOR)
         block = min(largest, max(_SMALLEST_BLOCK, 1 << (fair - 1).bit_length()))
     check_count("block", block, 1, 2**24)
-    ledger = _Ledger(scenarios[0].drive.period, engine, len(scenarios), trials, max_steps)
+    ledger = _Ledger(scenarios[0].drive.period, engine, outcomes)
     advance = functools.partial(
         _advance_for(platform), engine=engine, stacked=stacked, seed=np.uint32(seed)
     )
@@ -162,7 +173,7 @@ def run(
             ledger.stopped.set()
         for job in done:
             job.result()
-    return Outcomes(ledger.steps, ledger.status, max_steps)
+    return outcomes
 
 
 def _crew(devices: Sequence[Any], workers: int | None) -> list[Any]:
@@ -180,20 +191,17 @@ def _crew(devices: Sequence[Any], workers: int | None) -> list[Any]:
 class _Ledger:
     """The trials that wait and the results so far, shared by the workers."""
 
-    def __init__(
-        self, period: float, engine: Stepping, conditions: int, trials: int, max_steps: int
-    ) -> None:
-        self.steps = np.zeros((conditions, trials), np.int32)
-        self.status = np.zeros((conditions, trials), np.uint8)
+    def __init__(self, period: float, engine: Stepping, outcomes: Outcomes) -> None:
+        self._outcomes = outcomes
         self.stopped = threading.Event()
         self.on_end: Callable[[int], Any] = lambda count: None
         self._lock = threading.Lock()
         self._next = 0
         self._suspended: list[Lanes] = []
         self._busy = 0
-        self._max_steps = max_steps
+        self._max_steps = outcomes.max_steps
         self._dt = engine.step_taken(period)
-        self._last_period = -(-max_steps // round(period / PAPER_DT)) - 1
+        self._last_period = -(-outcomes.max_steps // round(period / PAPER_DT)) - 1
 
     def enter(self) -> None:
         with self._lock:
@@ -214,12 +222,12 @@ class _Ledger:
                 if count < len(waiting.trial):
                     self._suspended.append(Lanes(*(a[count:] for a in waiting)))
                 free = free[count:]
-            count = min(len(free), self.steps.size - self._next)
+            count = min(len(free), self._outcomes.steps.size - self._next)
             fresh = self._next + np.arange(count)
             self._next += count
             into, free = free[:count], free[count:]
             # All conditions of one trial follow each other, so an interrupted run is balanced.
-            lanes.trial[into], lanes.condition[into] = np.divmod(fresh, len(self.steps))
+            lanes.trial[into], lanes.condition[into] = np.divmod(fresh, len(self._outcomes.steps))
             lanes.period[into] = 0
             lanes.status[into] = RUNNING
             running = np.flatnonzero(lanes.status == RUNNING)
@@ -240,8 +248,8 @@ class _Ledger:
         ended = np.flatnonzero(ran & (lanes.status != RUNNING))
         where_to = lanes.condition[ended], lanes.trial[ended]
         with self._lock:
-            self.status[where_to] = lanes.status[ended]
-            self.steps[where_to] = np.minimum(paper_steps[ended], self._max_steps)
+            self._outcomes.status[where_to] = lanes.status[ended]
+            self._outcomes.steps[where_to] = np.minimum(paper_steps[ended], self._max_steps)
             self.on_end(len(ended))
 
 

@@ -1,0 +1,143 @@
+"""Bias of index 1 over cost per trial for the solver's steps and precisions, on spread conditions.
+
+The reference is stepping at dt = 0.001 s in float64 on the same draws, so biases are paired.
+Keeps `results/engines.csv` and draws `results/engines.png`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from pcjax.engines.ensemble import run
+from pcjax.engines.stepping import Stepping
+from pcjax.evaluate import safe_step
+from pcjax.model.body import Circle
+from pcjax.model.contact_law import ContactLaw
+from pcjax.model.drive import WristTilt
+from pcjax.model.hand import box_hand
+from pcjax.model.scenario import Scenario, does, eoen
+from pcjax.physics.step import INVALID
+
+RESULTS = Path(__file__).parent / "results"
+STEPS = (0.001, 0.005, 0.01, 0.02, 0.05)
+
+
+def conditions() -> dict[str, Scenario]:
+    """Small and large objects, tapered and flared tips, a tight gap, bouncy and heavy."""
+
+    def make(angle: float, radius: float, *, gap: float = 200.0, e: float = 0.1, g: float = 9.8):
+        hand = box_hand(math.radians(angle), gap_width=gap)
+        return hand, Circle(radius), WristTilt(gravity=g), ContactLaw(restitution=e)
+
+    return {
+        "10 deg, r = 25": does(*make(10, 25)),
+        "10 deg, r = 5": does(*make(10, 5)),
+        "40 deg, r = 5": does(*make(40, 5)),
+        "20 deg, r = 50": does(*make(20, 50)),
+        "-20 deg, r = 25, EoEn": eoen(*make(-20, 25)),
+        "30 deg, r = 5, EoEn": eoen(*make(30, 5)),
+        "gap 5 wider than r = 25": does(*make(0, 25, gap=55)),
+        "10 deg, r = 25, e = 0": does(*make(10, 25, e=0.0)),
+        "10 deg, r = 25, e = 0.6": does(*make(10, 25, e=0.6)),
+        "10 deg, r = 25, e = 1": does(*make(10, 25, e=1.0)),
+        "10 deg, r = 5, g = 98": does(*make(10, 5, g=98.0)),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--trials", type=int, default=2000)
+    parser.add_argument("--max-steps", type=int, default=200_000)
+    arguments = parser.parse_args()
+    settings = {"trials": arguments.trials, "max_steps": arguments.max_steps}
+    named = conditions()
+    scenarios = list(named.values())
+
+    def timed(dt: float, precision: int) -> tuple[np.ndarray, np.ndarray, float]:
+        engine = Stepping(dt)
+        run(scenarios, trials=1, max_steps=1, engine=engine, precision=precision, block=1024)
+        began = time.perf_counter()
+        out = run(scenarios, engine=engine, precision=precision, block=1024, **settings)
+        cost = (time.perf_counter() - began) / out.steps.size
+        return out.steps.astype(float), out.status == INVALID, cost
+
+    reference, _, _ = timed(0.001, 64)
+    rows = []
+    for precision in (64, 32):
+        for dt in STEPS:
+            steps, invalid, cost = timed(dt, precision)
+            for k, (name, scenario) in enumerate(named.items()):
+                valid = ~invalid[k]
+                difference = (steps[k] - reference[k])[valid] / reference[k].mean()
+                bias, se = math.nan, math.nan
+                if valid.sum() > 1:
+                    bias = difference.mean()
+                    se = difference.std(ddof=1) / math.sqrt(valid.sum())
+                rows.append(
+                    {
+                        "condition": name,
+                        "dt": dt,
+                        "bits": precision,
+                        "bias_percent": round(100 * bias, 4),
+                        "se_percent": round(100 * se, 4),
+                        "invalid": int(invalid[k].sum()),
+                        "cost_us_per_trial": round(1e6 * cost, 1),
+                        "automatic_dt": round(safe_step(scenario), 5),
+                        **settings,
+                    }
+                )
+            print(f"dt = {dt}, float{precision}: {1e6 * cost:.0f} us a trial", flush=True)
+    with (RESULTS / "engines.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    draw(rows).savefig(RESULTS / "engines.png", dpi=110)
+
+
+def draw(rows: list[dict]) -> Figure:
+    """Bias with 95 % intervals over cost, a panel for each precision, a line for each condition."""
+    figure = Figure(figsize=(12, 5.6), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    names = list(dict.fromkeys(row["condition"] for row in rows))
+    for axis, bits in zip(axes, (64, 32), strict=True):
+        for k, name in enumerate(names):
+            mine = [row for row in rows if row["condition"] == name and row["bits"] == bits]
+            good = [row for row in mine if row["invalid"] == 0]
+            x = [row["cost_us_per_trial"] * (1 + 0.02 * (k - len(names) / 2)) for row in good]
+            axis.errorbar(
+                x,
+                [row["bias_percent"] for row in good],
+                [1.96 * row["se_percent"] for row in good],
+                fmt="o",
+                ms=4,
+                lw=1,
+                color=f"C{k % 10}",
+                mfc="white" if k >= 10 else f"C{k % 10}",
+                label=name,
+            )
+        for row in {row["dt"]: row for row in rows if row["bits"] == bits}.values():
+            axis.text(
+                row["cost_us_per_trial"], 0.94, f"dt = {row['dt']:g}", ha="center", fontsize=9
+            )
+        axis.axhspan(-0.3, 0.3, color="0.92", zorder=0)
+        axis.set(
+            xscale="log",
+            xlabel="cost per trial [us], both cores",
+            title=f"float{bits}; steps with invalid trials left out",
+            ylim=(-1, 1),
+        )
+        axis.grid(alpha=0.3)
+    axes[0].set_ylabel("bias of index 1 against dt = 0.001, float64 [%]")
+    axes[1].legend(fontsize=8, loc="lower left", ncols=2)
+    return figure
+
+
+if __name__ == "__main__":
+    main()
