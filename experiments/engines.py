@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from pcjax.engines.ensemble import run
 from pcjax.engines.stepping import Stepping
@@ -53,7 +54,7 @@ def conditions() -> dict[str, Scenario]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trials", type=int, default=2000)
+    parser.add_argument("--trials", type=int, default=1500)
     parser.add_argument("--max-steps", type=int, default=200_000)
     arguments = parser.parse_args()
     settings = {"trials": arguments.trials, "max_steps": arguments.max_steps}
@@ -133,6 +134,7 @@ def draw(rows: list[dict]) -> Figure:
             title=f"float{bits}; steps with invalid trials left out",
             ylim=(-1, 1),
         )
+        axis.xaxis.set_minor_formatter(NullFormatter())
         axis.grid(alpha=0.3)
     axes[0].set_ylabel("bias of index 1 against dt = 0.001, float64 [%]")
     axes[1].legend(fontsize=8, loc="lower left", ncols=2)

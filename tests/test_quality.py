@@ -96,7 +96,7 @@ def test_automatic_step_shrinks_with_speed_and_radius() -> None:
         scenario = does(box_hand(), Circle(radius), WristTilt(gravity=gravity))
         return choose_engine("auto", None, scenario).dt
 
-    assert step(25.0, 9.8) == 0.02
+    assert step(25.0, 9.8) == 0.04
     assert step(1.0, 9.8) < step(5.0, 9.8) < 0.02
     assert step(5.0, 980.0) == pytest.approx(step(5.0, 9.8) / 10, rel=1e-6)
     fast = pcjax.evaluate(

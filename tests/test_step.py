@@ -312,3 +312,25 @@ def test_a_design_change_does_not_recompile() -> None:
 def test_step_runs_outside_jit() -> None:
     moved = step(wrist(), held(0.0, -2.0), state(0.0, 100.0))
     assert float(moved.velocity.y) == pytest.approx(-0.002)
+
+
+def test_push_out_alone_would_have_wrong_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Without the impact's own time, the end of the step turns the velocity back wherever the
+    # circle is, and how the impact's moment depends on the hand is lost: a negative control.
+    import pcjax.physics.step as stages
+
+    begin, swing, steps = state(0.0, 100.0, 30.0, -10.0), held(1.0, -5.0), 4000
+
+    def outcome(radius: jax.Array, restitution: jax.Array, steps: int) -> jax.Array:
+        law = ContactLaw(restitution=restitution)
+        return final(does(box_hand(0.2), Circle(radius), law=law), swing, begin, steps, 1e-3)
+
+    at, h = (jnp.asarray(25.0), jnp.asarray(0.6)), 1e-5
+    difference = (outcome(at[0] + h, at[1], steps) - outcome(at[0] - h, at[1], steps)) / (2 * h)
+    scale = np.abs(difference).max()
+    exact = jax.jacfwd(outcome)(*at, steps)
+    assert np.abs(exact - difference).max() < 1e-3 * scale
+    monkeypatch.setattr(stages, "bounce", lambda law, contact, radius, end, dt, one: end)
+    # one step more, so that the patched step is compiled and not found compiled
+    pushed = jax.jacfwd(outcome)(*at, steps + 1)
+    assert np.abs(pushed - difference).max() > 0.05 * scale
