@@ -225,8 +225,9 @@ class _Ledger:
             count = min(len(free), self._outcomes.steps.size - self._next)
             fresh = self._next + np.arange(count)
             self._next += count
-            into, free = free[:count], free[count:]
-            # All conditions of one trial follow each other, so an interrupted run is balanced.
+            into = free[:count]
+            # All conditions of one trial follow each other: they end at different times, so a
+            # block keeps a mixture of short and long trials.
             lanes.trial[into], lanes.condition[into] = np.divmod(fresh, len(self._outcomes.steps))
             lanes.period[into] = 0
             lanes.status[into] = RUNNING

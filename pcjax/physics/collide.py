@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from pcjax.planar import Flag, Scalar, Segment, Vec, fence, unit_and_length
+from pcjax.planar import Flag, Scalar, Segment, Vec, fence, unit_and_length, where
 
 
 class Contact(eqx.Module):
@@ -34,10 +34,7 @@ class Contact(eqx.Module):
         flat = normal * normal.dot(move)
         moved, length = unit_and_length(self.offset + move)
         return (
-            Vec(
-                jnp.where(self.round, moved.x, normal.x),
-                jnp.where(self.round, moved.y, normal.y),
-            ),
+            where(self.round, moved, normal),
             jnp.where(self.round, length, distance + flat.dot(normal)),
         )
 
