@@ -16,7 +16,7 @@ import xarray as xr
 
 from pcjax import paper
 from pcjax.claims import FIGURES_NEEDED, judge_claims
-from pcjax.evaluate import evaluate
+from pcjax.evaluate import ENGINES, evaluate
 from pcjax.figures import curve, run_figure, score_curve
 from pcjax.model.body import Circle
 from pcjax.model.contact_law import ContactLaw
@@ -139,7 +139,7 @@ def _add_run(parser: argparse.ArgumentParser, trials: int, precision: int = 32) 
     add("--trials", type=_whole, default=trials, help="trials for each condition")
     add("--max-steps", type=_whole, default=paper.WRIST_MAX_STEPS, help="limit, steps of 0.001 s")
     add("--seed", type=_whole, default=0, help="trial i depends on (seed, i) alone")
-    add("--engine", choices=("auto", "stepping"), default="auto", help="how trials are run")
+    add("--engine", choices=ENGINES, default="auto", help="how trials are run")
     add(
         "--dt",
         type=_number,

@@ -8,11 +8,14 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import jax
 import numpy as np
 import xarray as xr
 
 from pcjax.checks import check_count
 from pcjax.engines.ensemble import LIMIT, STATUS_NAMES, Outcomes, run
+from pcjax.engines.event import EventDriven
+from pcjax.engines.lanes import Engine
 from pcjax.engines.stepping import SHORTEST_STEP, Stepping
 from pcjax.model.body import Circle
 from pcjax.model.contact_law import ContactLaw
@@ -22,30 +25,59 @@ from pcjax.model.scenario import Scenario, check_geometry, does, eoen
 from pcjax.physics.step import INVALID, PAPER_DT
 from pcjax.results import Evaluation, parameters, provenance
 
+ENGINES = ("auto", "event", "stepping")
+
 DIRECTIONS = {"does": does, "eoen": eoen}
 
 _LARGEST_AUTO_STEP = 0.04
 """Seconds. `experiments/engines.py`: index 1 is within 0.3 % of that at 0.001 s up to 0.05 s."""
 
+_LEAST_CLEARANCE = 1e-4
+"""Difference between gap and object, in diameters, that the event-driven engine needs."""
+
 _AUTO_TRAVEL = 0.5
 """Share of the radius that a step may cover at the speed of a fall through the whole hand."""
 
 
-def choose_engine(name: str, dt: float | None, scenario: Scenario) -> Stepping:
-    """The engine for a name: "auto", or "stepping" (at `dt`, the paper's 0.001 s unless given).
-
-    "auto" steps as far as accuracy allows: 0.04 s, or less for small, fast objects.
+def choose_engine(name: str, dt: float | None, scenario: Scenario) -> Engine:
+    """The engine for a name: "event", "stepping" (at `dt`, the paper's 0.001 s unless given), or
+    "auto": the event-driven one where it applies and no `dt` is asked for, else stepping, as far at
+    a time as accuracy allows (0.04 s, or less for small, fast objects).
 
     Raises:
-        ValueError: an unknown name.
+        ValueError: an unknown name, or an event-driven engine that does not apply.
     """
     if name == "stepping":
         return Stepping(PAPER_DT if dt is None else dt)
+    if name == "event":
+        if dt is not None:
+            raise ValueError("dt does not go with the event-driven engine: it takes no steps")
+        obstacle = _obstacle_to_events(scenario)
+        if obstacle:
+            raise ValueError(f"the event-driven engine cannot run this: {obstacle}")
+        return EventDriven()
     if name != "auto":
-        raise ValueError(f"engine is {name!r}: it has to be 'auto' or 'stepping'")
+        raise ValueError(f"engine is {name!r}: it has to be one of {', '.join(ENGINES)}")
     if dt is not None:
         return Stepping(dt)
-    return Stepping(safe_step(scenario))
+    if _obstacle_to_events(scenario):
+        return Stepping(safe_step(scenario))
+    return EventDriven()
+
+
+def _obstacle_to_events(scenario: Scenario) -> str | None:
+    """Why the event-driven engine does not apply to a scenario, if so."""
+    if scenario.law.smoothing is not None:
+        return "it knows hard contact only, and this one is smoothed; take engine 'stepping'"
+    diameter = 2 * float(scenario.body.radius)
+    with jax.enable_x64(True):
+        clearance = float(scenario.hand.gap()) - diameter
+    if abs(clearance) < _LEAST_CLEARANCE * diameter:
+        return (
+            f"the gap differs from the object's diameter by {clearance:.2g}, too little for a "
+            "contact on either side; take engine 'stepping'"
+        )
+    return None
 
 
 def safe_step(scenario: Scenario) -> float:
@@ -92,8 +124,8 @@ def evaluate(
         trials: trials for each direction.
         max_steps: limit in the paper's steps of 0.001 s.
         seed: trial i is the same experiment for every hand evaluated with the same seed.
-        engine: "auto" or "stepping".
-        dt: the solver's step in seconds; chosen by the engine unless given.
+        engine: "auto", "event" or "stepping" (see `choose_engine`).
+        dt: the solver's step in seconds, for stepping; chosen by the engine unless given.
         precision: 32 or 64 bits.
         progress: whether to show a progress bar on stderr.
 
@@ -135,8 +167,8 @@ def evaluate(
     period = next(iter(scenarios.values())).drive.period
     settings = {
         "seed": seed,
-        "engine": chosen[0].name,
-        "dt": min(engine.step_taken(period) for engine in chosen),
+        "engine": _names(chosen),
+        "dt": np.fmin.reduce([engine.step_taken(period) for engine in chosen]),
         "precision": precision,
         "wall_seconds": time.perf_counter() - began,
     }
@@ -209,7 +241,7 @@ def evaluate_grid(
             "dt": (
                 "condition",
                 [e.step_taken(s.drive.period) for e, s in zip(chosen, scenarios, strict=True)],
-                {"units": "s", "long_name": "the solver's step"},
+                {"units": "s", "long_name": "the solver's step; NaN: event-driven"},
             ),
         },
         coords={
@@ -223,7 +255,7 @@ def evaluate_grid(
                 "trials_used": int(valid.sum()),
                 "max_steps": max_steps,
                 "seed": seed,
-                "engine": chosen[0].name,
+                "engine": _names(chosen),
                 "precision": precision,
                 "wall_seconds": time.perf_counter() - began,
                 "parameters": json.dumps([parameters(scenario) for scenario in scenarios]),
@@ -232,8 +264,12 @@ def evaluate_grid(
     )
 
 
+def _names(engines: Sequence[Engine]) -> str:
+    return ", ".join(dict.fromkeys(engine.name for engine in engines))
+
+
 def _run_each(
-    scenarios: Sequence[Scenario], engines: Sequence[Stepping], **settings: Any
+    scenarios: Sequence[Scenario], engines: Sequence[Engine], **settings: Any
 ) -> Outcomes:
     """The outcomes of each scenario by its own engine; those with equal engines share a batch."""
     outcomes = Outcomes.blank(len(scenarios), settings["trials"], settings["max_steps"])

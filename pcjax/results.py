@@ -85,6 +85,15 @@ def save_dataset(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     return path
 
 
+def engines_text(names: str, dt: Any) -> str:
+    """Engines in words, with the steps (s) that those which step took; NaN marks the others."""
+    steps = np.unique(np.atleast_1d(dt)[np.isfinite(np.atleast_1d(dt))])
+    if len(steps) == 0:
+        return f"{names} engine"
+    span = f"{steps[0]:.3g}" if len(steps) == 1 else f"{steps[0]:.3g} to {steps[-1]:.3g}"
+    return f"{names} engine (dt = {span} s)"
+
+
 class Evaluation:
     """How hard a hand is to escape (DoEs), how easy to enter (EoEn), and the score.
 
@@ -339,8 +348,9 @@ class Evaluation:
             )
         rows.append(
             f"{self.trials:,} trials a direction, limit {self.max_steps:,} steps, seed "
-            f"{attrs['seed']}, {attrs['engine']} (dt = {attrs['dt']:g} s, float{attrs['precision']}"
-            f"), {attrs['wall_seconds']:.1f} s; value ± standard error [95 % interval]"
+            f"{attrs['seed']}, {engines_text(attrs['engine'], attrs['dt'])}, "
+            f"float{attrs['precision']}, {attrs['wall_seconds']:.1f} s; "
+            "value ± standard error [95 % interval]"
         )
         return "\n".join(rows + [f"note: {note}" for note in self.notes()])
 

@@ -1,7 +1,7 @@
 """Many trials of many conditions: lanes in blocks of one size, refilled as trials end.
 
-One compiled program advances a block of lanes by one period of the drive. A lane is one trial of
-any one condition; between periods, lanes that have ended give their place to trials that wait.
+One compiled program advances a block of lanes by a period or more of the drive. A lane is one trial
+of any one condition; between calls, lanes that have ended give their place to trials that wait.
 Worker threads (one per core, or one per accelerator) share one supply of waiting trials, so all
 cores stay busy and nobody waits for the slowest trial. What a trial does depends on
 (seed, trial number, condition) alone, never on its neighbours in the block.
@@ -15,7 +15,7 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -25,10 +25,9 @@ from tqdm import tqdm
 
 from pcjax.checks import check_count
 from pcjax.engines.draws import period_draws, start_draws, trial_key
-from pcjax.engines.stepping import Stepping
+from pcjax.engines.lanes import Engine, Lanes
 from pcjax.model.scenario import Scenario
-from pcjax.physics.step import INVALID, PAPER_DT, PASSED, RUNNING, State, at_rest
-from pcjax.planar import Vec, where
+from pcjax.physics.step import INVALID, PAPER_DT, PASSED, RUNNING
 
 LIMIT = 3
 """Status of a trial that reached the step limit."""
@@ -48,29 +47,6 @@ _COMPILER_OPTIONS = {
     # than it brings.
     "cpu": {"xla_cpu_multi_thread_eigen": False, "xla_cpu_prefer_vector_width": 512},
 }
-
-
-class Lanes(NamedTuple):
-    """A block of trials under way: arrays of shape (lanes,), NumPy's between periods and JAX's
-    within."""
-
-    condition: Any
-    trial: Any
-    period: Any
-    x: Any
-    y: Any
-    vx: Any
-    vy: Any
-    steps: Any
-    status: Any
-
-    @classmethod
-    def idle(cls, count: int, dtype: type) -> Lanes:
-        """Lanes with nothing to do."""
-        kinds = dict.fromkeys(cls._fields, np.int32) | dict.fromkeys(("x", "y", "vx", "vy"), dtype)
-        idle = cls(**{name: np.zeros(count, kind) for name, kind in kinds.items()})
-        idle.status[:] = PASSED
-        return idle
 
 
 @dataclass(frozen=True)
@@ -106,7 +82,7 @@ def run(
     trials: int,
     max_steps: int,
     seed: int = 0,
-    engine: Stepping,
+    engine: Engine,
     precision: int = 32,
     block: int | None = None,
     workers: int | None = None,
@@ -151,7 +127,11 @@ def run(
     check_count("block", block, 1, 2**24)
     ledger = _Ledger(scenarios[0].drive.period, engine, outcomes)
     advance = functools.partial(
-        _advance_for(platform), engine=engine, stacked=stacked, seed=np.uint32(seed)
+        _advance_for(platform),
+        engine=engine,
+        stacked=stacked,
+        seed=np.uint32(seed),
+        last_period=np.int32(ledger.last_period),
     )
     with (
         tqdm(
@@ -191,7 +171,7 @@ def _crew(devices: Sequence[Any], workers: int | None) -> list[Any]:
 class _Ledger:
     """The trials that wait and the results so far, shared by the workers."""
 
-    def __init__(self, period: float, engine: Stepping, outcomes: Outcomes) -> None:
+    def __init__(self, period: float, engine: Engine, outcomes: Outcomes) -> None:
         self._outcomes = outcomes
         self.stopped = threading.Event()
         self.on_end: Callable[[int], Any] = lambda count: None
@@ -200,8 +180,9 @@ class _Ledger:
         self._suspended: list[Lanes] = []
         self._busy = 0
         self._max_steps = outcomes.max_steps
-        self._dt = engine.step_taken(period)
-        self._last_period = -(-outcomes.max_steps // round(period / PAPER_DT)) - 1
+        self._engine = engine
+        self._period = period
+        self.last_period = -(-outcomes.max_steps // round(period / PAPER_DT)) - 1
 
     def enter(self) -> None:
         with self._lock:
@@ -229,7 +210,8 @@ class _Ledger:
             # All conditions of one trial follow each other: they end at different times, so a
             # block keeps a mixture of short and long trials.
             lanes.trial[into], lanes.condition[into] = np.divmod(fresh, len(self._outcomes.steps))
-            lanes.period[into] = 0
+            lanes.period[into] = -1
+            lanes.time[into] = np.inf
             lanes.status[into] = RUNNING
             running = np.flatnonzero(lanes.status == RUNNING)
             if len(running) > len(lanes.trial) // 2 or self._busy == 1:
@@ -239,12 +221,13 @@ class _Ledger:
             self._busy -= 1
             return False
 
-    def collect(self, lanes: Lanes, lag: np.ndarray, ran: np.ndarray) -> None:
-        """Takes down which of the trials that `ran` in the last period have ended."""
-        time = lanes.steps * self._dt - np.where(lanes.status == PASSED, lag, 0.0)
-        paper_steps = np.maximum(np.ceil(time / PAPER_DT - 1e-6), 1)
+    def collect(self, lanes: Lanes, ran: np.ndarray) -> None:
+        """Takes down which of the trials that `ran` in the last call have ended."""
+        seconds = self._engine.seconds(lanes, self._period)
+        paper_steps = np.maximum(np.ceil(seconds / PAPER_DT - 1e-6), 1)
         late = (lanes.status == PASSED) & (paper_steps > self._max_steps)
-        out_of_time = (lanes.status == RUNNING) & (lanes.period > self._last_period)
+        all_over = (lanes.period >= self.last_period) & (lanes.time >= self._period)
+        out_of_time = (lanes.status == RUNNING) & all_over
         lanes.status[ran & (late | out_of_time)] = LIMIT
         ended = np.flatnonzero(ran & (lanes.status != RUNNING))
         where_to = lanes.condition[ended], lanes.trial[ended]
@@ -267,9 +250,9 @@ def _work(
     with jax.enable_x64(precision == 64), jax.default_device(device):
         while not ledger.stopped.is_set() and ledger.fill(lanes):
             ran = lanes.status == RUNNING
-            moved, lag = jax.device_get(advance(lanes=lanes))
+            moved = jax.device_get(advance(lanes=lanes))
             lanes = Lanes(*(np.array(leaf) for leaf in moved))
-            ledger.collect(lanes, lag, ran)
+            ledger.collect(lanes, ran)
 
 
 @functools.cache
@@ -282,38 +265,37 @@ def _advance_for(platform: str) -> Callable[..., Any]:
 
 
 def _advance_block(
-    *, engine: Stepping, stacked: Scenario, seed: jax.Array, lanes: Lanes
-) -> tuple[Lanes, jax.Array]:
-    """One period for a block of lanes, with each lane's lag (see `Stepping.run_period`)."""
+    *, engine: Engine, stacked: Scenario, seed: jax.Array, last_period: jax.Array, lanes: Lanes
+) -> Lanes:
+    """One call of the engine's `rounds` for a block of lanes."""
+    scenarios = jax.tree.map(lambda leaf: leaf[lanes.condition], stacked)
+    worlds = jax.vmap(lambda scenario: scenario.world())(scenarios)
 
-    def prepare(lane: Lanes) -> tuple[Any, Any, State]:
-        scenario = jax.tree.map(lambda leaf: leaf[lane.condition], stacked)
+    def begin(scenario: Scenario, lane: Lanes) -> tuple[Lanes, Any]:
         drive = scenario.drive
+        over = (lane.time >= drive.period) & (lane.period < last_period)
+        over = over & (lane.status == RUNNING)
+        period = lane.period + over
         key = trial_key(seed, lane.trial)
-        first = lane.period == 0
-        before = period_draws(key, jnp.maximum(lane.period - 1, 0), drive.targets_per_period)
-        draws = period_draws(key, lane.period, drive.targets_per_period)
-        begin = at_rest(scenario.start(start_draws(key, scenario.draws_for_start)))
-        state = State(
-            where(first, begin.position, Vec(lane.x, lane.y)),
-            where(first, begin.velocity, Vec(lane.vx, lane.vy)),
-            begin.clock,
-            jnp.where(first, 0, lane.steps),
-            lane.status,
+        start = scenario.start(start_draws(key, scenario.draws_for_start))
+        fresh = over & (period == 0)
+        lane = lane._replace(
+            period=period,
+            time=jnp.where(over, 0.0, lane.time),
+            x=jnp.where(fresh, start.x, lane.x),
+            y=jnp.where(fresh, start.y, lane.y),
+            vx=jnp.where(fresh, 0.0, lane.vx),
+            vy=jnp.where(fresh, 0.0, lane.vy),
+            steps=jnp.where(fresh, 0, lane.steps),
         )
-        return scenario.world(), drive.swing(before, draws, first), state
+        before = period_draws(key, jnp.maximum(period - 1, 0), drive.targets_per_period)
+        draws = period_draws(key, period, drive.targets_per_period)
+        return lane, drive.swing(before, draws, period == 0)
 
-    worlds, swings, states = jax.vmap(prepare)(lanes)
-    states, lag = engine.run_period(worlds, swings, states)
-    moved = Lanes(
-        lanes.condition,
-        lanes.trial,
-        lanes.period + 1,
-        states.position.x,
-        states.position.y,
-        states.velocity.x,
-        states.velocity.y,
-        states.steps,
-        states.status,
-    )
-    return moved, lag
+    def round(_: Any, lanes: Lanes) -> Lanes:
+        lanes, swings = jax.vmap(begin)(scenarios, lanes)
+        return engine.run(worlds, swings, lanes)
+
+    if engine.rounds == 1:
+        return round(0, lanes)
+    return jax.lax.fori_loop(0, engine.rounds, round, lanes)

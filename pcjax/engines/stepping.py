@@ -7,13 +7,15 @@ from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array
 
 from pcjax.checks import check_between, check_positive
 from pcjax.engines.draws import period_draws, start_draws, trial_key
+from pcjax.engines.lanes import Lanes
 from pcjax.model.drive import Swing
 from pcjax.model.scenario import Scenario, World
-from pcjax.physics.step import PAPER_DT, RUNNING, State, advance, at_rest
+from pcjax.physics.step import PAPER_DT, PASSED, RUNNING, State, advance, at_rest
 from pcjax.planar import Scalar, Vec
 
 _CHUNK = 50
@@ -40,6 +42,7 @@ class Stepping:
 
     dt: float = PAPER_DT
     name = "stepping"
+    rounds = 1
 
     def __post_init__(self) -> None:
         check_positive("dt", self.dt)
@@ -53,23 +56,16 @@ class Stepping:
         """The step taken, s."""
         return period / self.steps_per_period(period)
 
-    def run_period(
-        self, worlds: World, swings: Swing, states: State
-    ) -> tuple[State, Float[Array, " lanes"]]:
-        """Takes a batch of trials through one period of their drives.
+    def seconds(self, lanes: Lanes, period: float) -> np.ndarray:
+        """How long each trial has lasted, s."""
+        return lanes.steps * self.step_taken(period) - lanes.lag
 
-        Arguments:
-            worlds, swings, states: batches; every leaf has the lanes as its first axis, but for
-                the states' shared clock.
-
-        Returns:
-            The states at the end of the period, and for each how many seconds before the end of
-            its last step the goal line was crossed (meaningless if it was not).
-        """
+    def run(self, worlds: World, swings: Swing, lanes: Lanes) -> Lanes:
+        """Takes a batch of trials, each at its start, through one period of their drives."""
         period = worlds.drive.period
         chunks = self.steps_per_period(period) // _CHUNK
         dt = jnp.asarray(self.step_taken(period), jnp.result_type(worlds.body.radius))
-        lanes = jax.vmap(
+        step_all = jax.vmap(
             lambda world, swing, state: advance(world, swing, state, dt),
             in_axes=(0, 0, _LANES),
             out_axes=_LANES,
@@ -78,7 +74,7 @@ class Stepping:
         def chunk(carry: tuple[Array, State]) -> tuple[Array, State]:
             count, states = carry
             states, _ = jax.lax.scan(
-                lambda states, _: (lanes(worlds, swings, states), None),
+                lambda states, _: (step_all(worlds, swings, states), None),
                 states,
                 length=_CHUNK,
             )
@@ -88,10 +84,20 @@ class Stepping:
             count, states = carry
             return (count < chunks) & jnp.any(states.status == RUNNING)
 
-        start = (jnp.zeros((), jnp.int32), with_clock_at_zero(states))
-        _, states = jax.lax.while_loop(unfinished, chunk, start)
-        lag = jax.vmap(_lag, in_axes=(0, _LANES, None))(worlds, states, dt)
-        return states, jnp.asarray(lag)
+        zero = jnp.zeros((), jnp.int32)
+        position, velocity = Vec(lanes.x, lanes.y), Vec(lanes.vx, lanes.vy)
+        start = State(position, velocity, zero, lanes.steps, lanes.status)
+        _, states = jax.lax.while_loop(unfinished, chunk, (zero, start))
+        return lanes._replace(
+            time=jnp.full_like(lanes.time, period),
+            x=states.position.x,
+            y=states.position.y,
+            vx=states.velocity.x,
+            vy=states.velocity.y,
+            steps=states.steps,
+            lag=jax.vmap(_lag, in_axes=(0, _LANES, None))(worlds, states, dt),
+            status=states.status,
+        )
 
 
 def with_clock_at_zero(states: State) -> State:
@@ -101,10 +107,10 @@ def with_clock_at_zero(states: State) -> State:
 
 
 def _lag(world: World, state: State, dt: Scalar) -> Scalar:
-    """Seconds since the goal line was crossed, for a trial that crossed it in its last step."""
+    """Seconds since the goal line was crossed in the last step; 0 for one that did not pass."""
     speed = world.goal.beyond(state.position + state.velocity) - world.goal.beyond(state.position)
     lag = world.goal.beyond(state.position) / jnp.maximum(speed, 1e-12)
-    return jnp.clip(lag, 0.0, dt * (1 - 1e-6))
+    return jnp.where(state.status == PASSED, jnp.clip(lag, 0.0, dt * (1 - 1e-6)), 0.0)
 
 
 def trajectory(

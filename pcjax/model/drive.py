@@ -95,6 +95,23 @@ class WristTilt(eqx.Module):
         # under vmap and the trigonometry costs nothing while the tilt is held.
         return jax.lax.cond(time < self.ramp_time, turning, held)
 
+    def steady_interval(self, drift: Scalar) -> Scalar:
+        """Seconds for which gravity may be taken as constant, as it is halfway, while it turns.
+
+        In an interval h that leads the object astray by at most g' h^3 / 12, with g' how fast
+        gravity changes; that stays within `drift` (a length). Intervals divide the ramp evenly.
+        """
+        change = 2.0 * self.amplitude * self.gravity / self.ramp_time
+        longest = jnp.cbrt(12.0 * drift / jnp.maximum(change, 1e-9))
+        return self.ramp_time / jnp.clip(jnp.ceil(self.ramp_time / longest), 1.0, 1e4)
+
+    def steady(self, swing: Swing, time: Scalar, interval: Scalar) -> tuple[Vec, Scalar]:
+        """A pull that stands for gravity from `time` (s) of a period on, and until when."""
+        number = jnp.floor(time / interval + 1e-3)
+        turning = time < self.ramp_time * (1 - 1e-6)
+        pull = where(turning, self._gravity_during(swing, (number + 0.5) * interval), swing.held)
+        return pull, jnp.where(turning, (number + 1.0) * interval, self.period)
+
     def _tilt(self, draws: Float[Array, "2"]) -> Vec:
         return Vec(*(self.amplitude * (2.0 * draws[k] - 1.0) for k in (0, 1)))
 

@@ -20,10 +20,12 @@ class Contact(eqx.Module):
         offset: from the limb's closest point to the centre.
         round: whether that point is an end of the limb (6) and not inside it (4), (5): whether the
             surface at radius r_o around it is round or flat.
+        limb: the limb.
     """
 
     offset: Vec
     round: Flag
+    limb: Segment
 
     def after(self, move: Vec) -> tuple[Vec, Scalar]:
         """Unit normal (limb to centre) and distance once the centre has moved by `move`.
@@ -59,8 +61,9 @@ def two_nearest(limbs: Sequence[Segment], centre: Vec, one: Scalar) -> tuple[Con
 
     def contact(key: Scalar) -> Contact:
         tag = _bits(fence(key, one)) & ((1 << tag_bits) - 1)
-        offset = _pick(limbs, tag >> 1).offset(centre)
-        return Contact(Vec(fence(offset.x, one), fence(offset.y, one)), (tag & 1) != 0)
+        limb = _pick(limbs, tag >> 1)
+        offset = limb.offset(centre)
+        return Contact(Vec(fence(offset.x, one), fence(offset.y, one)), (tag & 1) != 0, limb)
 
     return contact(first), contact(second)
 

@@ -10,7 +10,7 @@ from matplotlib.patches import Circle as Disc
 
 from pcjax import paper
 from pcjax.figures import Curve, curve, score_curve
-from pcjax.results import NAMES, Evaluation
+from pcjax.results import NAMES, Evaluation, engines_text
 
 _Z95 = 1.96
 COLOURS = ("#0072b2", "#d55e00", "#009e73")
@@ -135,7 +135,7 @@ def plot_figure(dataset: xr.Dataset) -> Figure:
     attrs = dataset.attrs
     axis.set_title(
         f"{settings.title}\n{attrs['trials']:,} trials, limit {attrs['max_steps']:,} steps, "
-        f"dt = {_range(dataset.dt.values)} s; 95 % bands, hollow: full cage",
+        f"{engines_text(attrs['engine'], dataset.dt)}; 95 % bands, hollow: full cage",
         fontsize=10,
     )
     return figure
@@ -147,8 +147,3 @@ def _band(axis: Axes, line: Curve, colour: str, label: str, scale: float) -> Non
     for chosen, face in ((line.open, colour), (~line.open, "white")):
         axis.plot(line.angle[chosen], value[chosen], "o", ms=5, color=colour, mfc=face)
     axis.fill_between(line.angle, value - reach, value + reach, color=colour, alpha=0.25, lw=0)
-
-
-def _range(values: np.ndarray) -> str:
-    low, high = values.min(), values.max()
-    return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"

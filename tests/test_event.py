@@ -1,0 +1,318 @@
+"""The event-driven engine against closed forms, energy, its own certificates, and stepping."""
+
+from __future__ import annotations
+
+import functools
+import math
+from itertools import pairwise
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pcjax.engines import event
+from pcjax.engines.draws import period_draws, start_draws, trial_key
+from pcjax.engines.ensemble import LIMIT, run
+from pcjax.engines.event import DRIFT, EventDriven, Flight, first_root, leap
+from pcjax.engines.stepping import Stepping
+from pcjax.evaluate import choose_engine
+from pcjax.model.body import Circle
+from pcjax.model.contact_law import ContactLaw
+from pcjax.model.drive import Swing, WristTilt
+from pcjax.model.hand import box_hand
+from pcjax.model.scenario import Scenario, does, eoen
+from pcjax.physics.step import INVALID, PASSED, RUNNING
+from pcjax.planar import Vec
+
+
+def scenario(radius: float = 25.0, angle: float = 10.0, *, back: bool = False, **law: float):
+    make = eoen if back else does
+    return make(box_hand(math.radians(angle)), Circle(radius), law=ContactLaw(**law))
+
+
+def held(x: float, y: float) -> Swing:
+    """A wrist that is held where gravity has the components x, y."""
+    zero = Vec(jnp.asarray(0.0), jnp.asarray(0.0))
+    return Swing(zero, zero, Vec(jnp.asarray(x), jnp.asarray(y)))
+
+
+def flight(x: float, y: float, vx: float = 0.0, vy: float = 0.0, time: float = 2.0) -> Flight:
+    x, y, vx, vy, time = map(float, (x, y, vx, vy, time))
+    place, velocity = Vec(*map(jnp.asarray, (x, y))), Vec(*map(jnp.asarray, (vx, vy)))
+    zero = jnp.zeros((), jnp.int32)
+    return Flight(place, velocity, jnp.asarray(time), zero, zero)
+
+
+@jax.jit
+def hop(scenario: Scenario, swing: Swing, before: Flight) -> Flight:
+    interval = scenario.drive.steady_interval(DRIFT * scenario.body.radius)
+    return leap(scenario.world(), swing, interval, before)
+
+
+def leaps(scenario: Scenario, swing: Swing, begin: Flight, most: int = 400) -> list[Flight]:
+    """The states after each leap, to the end of the period or the trial."""
+    path = [begin]
+    while path[-1].status == RUNNING and path[-1].time < 10:
+        path.append(hop(scenario, swing, path[-1]))
+        assert len(path) <= most
+    return path
+
+
+def numbers(vec: Vec) -> np.ndarray:
+    return np.array([float(vec.x), float(vec.y)])
+
+
+coefficient = st.floats(-5, 5).filter(lambda v: v == 0 or abs(v) > 1e-3)
+
+
+@pytest.mark.usefixtures("x64")
+@settings(deadline=None)
+@given(st.floats(1e-3, 10), coefficient, coefficient)
+def test_first_root_is_the_least_positive_root(
+    gap: float, speed: float, acceleration: float
+) -> None:
+    roots = np.roots([0.5 * acceleration, speed, gap]) if acceleration or speed else []
+    scale = abs(speed) + abs(acceleration)
+    real = [r.real for r in np.atleast_1d(roots) if abs(r.imag) < 1e-7 * scale and r.real > 0]
+    got = float(first_root(gap, speed, acceleration))
+    square = speed**2 - 2 * acceleration * gap
+    if abs(square) < 1e-9:
+        return  # a double root is there or not by rounding
+    assert got == pytest.approx(min(real), rel=1e-6) if real else got == event.NEVER
+
+
+@pytest.mark.usefixtures("x64")
+def test_free_fall_through_the_goal_takes_one_leap_and_the_exact_time() -> None:
+    # From the middle of the box out through the gap; nothing is in the way.
+    path = leaps(scenario(), held(0.0, 30.0), flight(0.0, 200.0, 0.0, 4.0))
+    assert int(path[-1].status) == PASSED
+    time = (-4 + math.sqrt(16 + 60 * 300.0)) / 30.0  # 300 to the line between the tip joints
+    assert float(path[-1].time) - 2.0 == pytest.approx(time, abs=1e-6)
+    assert len(path) - 1 <= 6  # the planes through the fingertips' ends take a few looks
+
+
+@pytest.mark.usefixtures("x64")
+def test_bounces_on_the_palm_are_a_geometric_series() -> None:
+    e, g, drop = 0.6, 20.0, 8.0
+    path = leaps(
+        scenario(restitution=e, resting_speed=1.0), held(0.0, -g), flight(10, 25 + drop, 2.0)
+    )
+    speed, time = math.sqrt(2 * g * drop), 2.0 + math.sqrt(2 * drop / g)
+    for after in path[1:-1]:
+        assert float(after.time) == pytest.approx(time, abs=1e-7)
+        assert float(after.velocity.y) == pytest.approx(-speed, abs=1e-7)
+        last, speed = speed, e * speed
+        time += 2 * speed / g
+    assert last <= 1.0 < last / e  # slower than the resting speed, so inelastic
+    assert float(path[-1].velocity.y) == 0.0
+    assert float(path[-1].time) == 10.0
+    assert float(path[-1].position.x) == pytest.approx(10 + 2.0 * 8.0, abs=1e-6)  # no friction
+
+
+@pytest.mark.usefixtures("x64")
+def test_sliding_off_a_limb_is_one_leap_to_its_end() -> None:
+    # Down the right fingertip's inner side, theta_g = 10 deg, and off its end.
+    angle = math.radians(10)
+    tangent = np.array([-math.sin(angle), -math.cos(angle)])
+    normal = np.array([math.cos(angle), -math.sin(angle)])
+    begin = np.array([100.0, 500.0]) + 40 * tangent + 5 * normal
+    pull = -3.0 * normal + 2.0 * tangent
+    path = leaps(scenario(radius=5.0), held(*pull), flight(*begin, *(6.0 * tangent)))
+    off = path[1]
+    time = (-6 + math.sqrt(36 + 4 * 60.0)) / 2.0  # 60 to the limb's end
+    assert float(off.time) - 2.0 == pytest.approx(time, abs=1e-6)
+    np.testing.assert_allclose(numbers(off.position), begin + 60 * tangent, atol=1e-4)
+    np.testing.assert_allclose(numbers(off.velocity), (6 + 2 * time) * tangent, atol=1e-6)
+
+
+@pytest.mark.usefixtures("x64")
+def test_rolling_over_a_limbs_end_keeps_the_energy_and_flies_off_where_it_has_to() -> None:
+    # From rest a little to the right of the top of the (turned) right fingertip's end. A point on
+    # a frictionless circle leaves it at cos(angle) = 2 / 3 from the top.
+    hand = scenario(radius=30.0, angle=0.0, back=True)
+    end = np.array([100.0, 600.0])
+    tilt = 0.05
+    begin = end + 30 * np.array([math.sin(tilt), math.cos(tilt)])
+    path = leaps(hand, held(0.0, -50.0), flight(*begin))
+    for before, after in pairwise(path):
+        offset = numbers(after.position) - end
+        angle = math.atan2(offset[0], offset[1])
+        energy = 0.5 * numbers(after.velocity) @ numbers(after.velocity) + 50.0 * after.position.y
+        assert float(energy) == pytest.approx(50.0 * begin[1], rel=1e-9)
+        if np.linalg.norm(offset) > 30 + 1e-3:
+            left = numbers(before.position) - end
+            leaving = math.atan2(left[0], left[1])
+            assert math.cos(leaving) == pytest.approx(2 / 3, abs=event.LONGEST_ARC)
+            return
+        assert angle < math.pi / 2
+    pytest.fail("it never flew off")
+
+
+@pytest.mark.usefixtures("x64")
+@pytest.mark.parametrize("angle", [-20.0, 20.0, 40.0])
+def test_a_circle_thrown_into_a_corner_comes_to_rest_there(angle: float) -> None:
+    # The corner between the right lid and its fingertip, acute or obtuse.
+    begin = flight(150.0, 400.0, -5.0, 3.0)
+    for _ in range(6):
+        path = leaps(scenario(radius=10.0, angle=angle), held(-3.0, 4.0), begin, 60)
+        begin = eqx.tree_at(lambda f: f.time, path[-1], jnp.asarray(2.0))
+    assert float(path[-1].time) == 10.0
+    assert numbers(path[-1].velocity) == pytest.approx([0, 0], abs=0)
+    assert float(path[-1].position.y) == pytest.approx(490.0, abs=1e-5)
+    assert len(path) == 2  # rest is one leap
+
+
+@pytest.mark.usefixtures("x64")
+def test_rest_on_two_fingertips_of_a_full_cage_takes_one_leap() -> None:
+    hand = scenario(radius=30.0, angle=60.0)
+    reach = 100 - 100 * math.sin(math.radians(60))
+    height = 500 - 100 * math.cos(math.radians(60))
+    begin = flight(0.0, height - math.sqrt(30**2 - reach**2))
+    path = leaps(hand, held(0.3, 5.0), begin)
+    assert len(path) <= 4
+    np.testing.assert_allclose(numbers(path[-1].position), numbers(begin.position), atol=1e-5)
+
+
+@functools.cache
+def clearance_along(radius: float, angle: float, back: bool, trial: int) -> tuple[float, float]:
+    """Least clearance within the leaps of a trial, and the largest rise in energy."""
+    condition = scenario(radius, angle, back=back, restitution=0.5)
+    limbs, drive = condition.hand.limbs(), condition.drive
+    interval = drive.steady_interval(DRIFT * condition.body.radius)
+    key, before = trial_key(5, trial), jnp.zeros(2)
+    start = condition.start(start_draws(key, 3))
+    now = flight(float(start.x), float(start.y), time=0.0)
+    least, rise = math.inf, 0.0
+
+    @jax.jit
+    @jax.vmap
+    def clear(x: jax.Array, y: jax.Array) -> jax.Array:
+        return jnp.min(jnp.stack([jnp.asarray(limb.distance(Vec(x, y))) for limb in limbs]))
+
+    for k in range(3):
+        draws = period_draws(key, k, 2)
+        swing = drive.swing(before, draws, k == 0)
+        before = draws
+        now = eqx.tree_at(lambda f: f.time, now, jnp.asarray(0.0))
+        while float(now.time) < 10 and int(now.status) == RUNNING:
+            after = hop(condition, swing, now)
+            pull = numbers(drive.steady(swing, now.time, interval)[0])
+            span = float(after.time - now.time)
+            # The straight or parabolic path between two states with the same acceleration.
+            shares = np.linspace(0, 1, 9)
+            p, v, w, q = map(numbers, (now.position, now.velocity, after.velocity, after.position))
+            mean = 2 * (q - p) / max(span, 1e-12) - w  # the velocity just after the leap's start
+            bend = (w - mean) / max(span, 1e-12)
+            t = shares[:, None] * span
+            points = p + mean * t + 0.5 * bend * t * t
+            least = min(least, float(np.min(clear(points[:, 0], points[:, 1]))) - radius)
+            gained = 0.5 * (w @ w - v @ v) - pull @ (q - p)
+            rise = max(rise, gained)
+            now = after
+    return least, rise
+
+
+@pytest.mark.usefixtures("x64")
+@settings(max_examples=12, deadline=None)
+@given(
+    st.sampled_from(
+        [(25.0, 10.0, False), (5.0, 35.0, False), (5.0, -20.0, True), (40.0, 20.0, True)]
+    ),
+    st.integers(0, 50),
+)
+def test_nothing_happens_within_a_leap(condition: tuple[float, float, bool], trial: int) -> None:
+    least, rise = clearance_along(*condition, trial)
+    assert least > -1e-3 * condition[0]  # an arc's chord lies inside it by 5e-4 radii at most
+    assert rise < 1e-6
+
+
+SPREAD = {
+    "large": scenario(50.0, 20.0),
+    "small": scenario(5.0, 40.0),
+    "back": scenario(25.0, -20.0, back=True),
+    "bouncy": scenario(25.0, 10.0, restitution=0.6),
+    "dead": scenario(25.0, 0.0, restitution=0.0),
+    "tight": does(box_hand(0.0, gap_width=55.0), Circle(25.0)),
+    "heavy": does(box_hand(0.2), Circle(5.0), WristTilt(gravity=98.0)),
+    "steep": does(box_hand(0.2), Circle(25.0), WristTilt(amplitude=1.4)),
+}
+
+
+def test_agrees_with_fine_steps_on_the_same_draws() -> None:
+    # 200 trials of 8 conditions to 60 s. Trials agree to a few steps until chaos tells them apart;
+    # paired over all 1,600, the means may differ by chance alone: |z| < 4 (false alarm 6e-5).
+    conditions = list(SPREAD.values())
+    mine = run(conditions, trials=200, max_steps=60_000, engine=EventDriven(), precision=64)
+    theirs = run(conditions, trials=200, max_steps=60_000, engine=Stepping(0.004), precision=64)
+    assert not np.any(mine.status == INVALID)
+    difference = mine.steps.astype(float) - theirs.steps
+    assert np.mean(np.abs(difference) <= 20) > 0.97
+    error = difference.std(ddof=1) / math.sqrt(difference.size)
+    assert abs(difference.mean()) < max(4 * error, 1.0)
+
+
+def test_precisions_agree() -> None:
+    conditions = list(SPREAD.values())
+    single, double = (
+        run(conditions, trials=200, max_steps=100_000, engine=EventDriven(), precision=bits)
+        for bits in (32, 64)
+    )
+    assert not np.any(single.status == INVALID)
+    assert np.mean(np.abs(single.steps.astype(float) - double.steps) <= 20) > 0.97
+
+
+@pytest.mark.parametrize(
+    "changes", [{"block": 64}, {"workers": 1}, {"engine": EventDriven(5, 3)}], ids=str
+)
+def test_batches_bursts_and_workers_change_nothing(changes: dict) -> None:
+    conditions = list(SPREAD.values())
+    usual = {"trials": 70, "max_steps": 60_000, "engine": EventDriven(), "block": 256, "workers": 2}
+    one, other = run(conditions, **usual), run(conditions, **(usual | changes))
+    np.testing.assert_array_equal(one.steps, other.steps)
+    np.testing.assert_array_equal(one.status, other.status)
+
+
+def test_a_full_cage_by_a_hair_keeps_everything_in() -> None:
+    # The gap is one part in ten thousand too narrow; 2 x 300 trials of 100 s.
+    hand = box_hand(math.radians(30), gap_width=199.98)
+    for bits in (32, 64):
+        out = run(
+            [does(hand, Circle(50.0)), eoen(hand, Circle(50.0))],
+            trials=300,
+            max_steps=100_000,
+            engine=EventDriven(),
+            precision=bits,
+        )
+        assert np.all(out.status == LIMIT)
+
+
+def test_a_spent_budget_ends_as_invalid() -> None:
+    out, usual = (
+        run([scenario()], trials=64, max_steps=100_000, engine=engine)
+        for engine in (EventDriven(budget=12), EventDriven())
+    )
+    assert np.any(out.status == INVALID)
+    assert not np.any(usual.status == INVALID)
+
+
+@pytest.mark.usefixtures("x64")
+def test_what_is_not_a_number_or_inside_a_limb_ends_as_invalid() -> None:
+    assert int(hop(scenario(), held(0.0, -1.0), flight(math.nan, 100.0)).status) == INVALID
+    assert int(hop(scenario(), held(0.0, -1.0), flight(0.0, 15.0)).status) == INVALID
+
+
+def test_auto_is_event_driven_where_that_applies() -> None:
+    assert isinstance(choose_engine("auto", None, scenario()), EventDriven)
+    assert isinstance(choose_engine("auto", 0.01, scenario()), Stepping)
+    soft = does(box_hand(0.1), Circle(25.0), law=ContactLaw(smoothing=1.0))
+    exact = does(box_hand(math.radians(30)), Circle(50.0))
+    for condition in (soft, exact):
+        assert isinstance(choose_engine("auto", None, condition), Stepping)
+        with pytest.raises(ValueError, match="stepping"):
+            choose_engine("event", None, condition)
+    with pytest.raises(ValueError, match="dt"):
+        choose_engine("event", 0.01, scenario())
