@@ -454,7 +454,13 @@ BAD_WORDS = [
     refused("evaluate --scenario arm", "scenario", "arm", "wrist"),
     refused("evaluate --body stick", "body", "stick", "circle"),
     refused("evaluate --direction in", "direction", "in", "does, eoen, both"),
-    refused("evaluate --engine event", "engine", "event", "auto, stepping"),
+    refused(
+        "evaluate --engine evnt", "engine", "evnt", "did you mean event", "auto, event, stepping"
+    ),
+    refused("evaluate --engine event --dt 0.01", "dt", "event"),
+    refused(
+        "evaluate --engine event --gap-width 50 --fingertip-angle 0", "event", "gap", "stepping"
+    ),
     refused("figure", "figure"),
     refused("figure 13", "13", "9a, 9b, 10, 11, 12"),
     refused("figure 9", "'9'", "9a, 9b, 10, 11, 12"),
@@ -588,7 +594,7 @@ PYTHON_SETTINGS = [
         "seed": (-1, 2**32, 0.5),
         "dt": (0.0, -0.001, NAN, INF, 100.0),
         "precision": (16, "32"),
-        "engine": ("event",),
+        "engine": ("evnt",),
         "direction": ("in",),
         "start_spread": (-0.1, NAN, 1.5),
     }.items()

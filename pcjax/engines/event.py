@@ -220,12 +220,19 @@ def settle(
     velocity = _pushed(flight.velocity, normals, least_push(overlap, *needs))
 
     slow = _noise(velocity) + CAPTURE * law.resting_speed
-    stays, needs = [], []
-    for contact, normal, depth in zip(contacts, normals, depths, strict=True):
+    stays = [
+        (depth >= -near) & (velocity.dot(normal) < slow)
+        for normal, depth in zip(normals, depths, strict=True)
+    ]
+    # A limb's end on the surface of the flat side that the circle is on, such as a joint about to
+    # be reached, is no contact of its own.
+    ends = [_standing_out(contacts[k], contacts[1 - k], normals[1 - k]) <= near for k in (0, 1)]
+    stays = [stays[k] & ~(ends[k] & stays[1 - k]) for k in (0, 1)]
+    needs = []
+    for contact, normal, stay in zip(contacts, normals, stays, strict=True):
         along = velocity.cross(normal)
         bend = jnp.where(contact.round, along * along / radius, 0.0)
-        stays.append((depth >= -near) & (velocity.dot(normal) < slow))
-        needs.append(fence(jnp.where(stays[-1], -pull.dot(normal) - bend, _NO_NEED), one))
+        needs.append(fence(jnp.where(stay, -pull.dot(normal) - bend, _NO_NEED), one))
     forces = least_push(overlap, *needs)
     acceleration = _pushed(pull, normals, forces)
 
@@ -259,6 +266,12 @@ def settle(
         carried,
         jnp.where(slides, until_end, NEVER),
     )
+
+
+def _standing_out(end: Contact, side: Contact, normal: Vec) -> Scalar:
+    """How far a limb's end stands out of a flat side with that normal; NEVER if they are not."""
+    height = (side.offset - end.offset).dot(normal)
+    return jnp.where(end.round & ~side.round, height, NEVER)
 
 
 def _pushed(vector: Vec, normals: list[Vec], pushes: tuple[Scalar, Scalar]) -> Vec:
@@ -303,7 +316,9 @@ def _until_limb(world: World, limb: Segment, support: Support) -> Scalar:
     gap = jnp.maximum(distance - world.body.radius, 0.0)
     speed, change = support.velocity.dot(normal), support.acceleration.dot(normal)
     touches = (gap <= near) & (speed > -slow)
-    gap = jnp.where(touches, 0.0, gap)
+    # One that opens falls back to where it was. For one that does neither, a floor keeps rounding
+    # from ending the leap where it starts.
+    gap = jnp.where(touches, jnp.where(speed > slow, 0.0, jnp.maximum(gap, near / 64)), gap)
     speed = jnp.where(touches, jnp.maximum(speed, 0.0), speed)
     change = jnp.where(touches & (change > -slow), jnp.maximum(change, 0.0), change)
     surface = support.position - support.normal * world.body.radius
