@@ -16,6 +16,7 @@ import xarray as xr
 
 from pcjax import paper
 from pcjax.claims import FIGURES_NEEDED, judge_claims
+from pcjax.compilation_cache import use_compilation_cache
 from pcjax.evaluate import ENGINES, evaluate
 from pcjax.figures import curve, run_figure, score_curve
 from pcjax.model.body import Circle
@@ -30,6 +31,7 @@ _PICTURES = (".png", ".svg", ".pdf", ".jpg", ".webp")
 def main(argv: Sequence[str] | None = None) -> None:
     """Runs one command. Exit status 0, 2 for bad input, 130 when interrupted."""
     arguments = _parse(sys.argv[1:] if argv is None else list(argv))
+    use_compilation_cache()
     try:
         arguments.run(arguments)
     except ValueError as error:

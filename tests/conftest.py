@@ -1,11 +1,14 @@
-"""Shared by all tests: 64-bit arithmetic where a test asks for it."""
+"""Shared by all tests: nothing kept in the user's folders, 64-bit arithmetic where it is asked."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 
 import jax
 import pytest
+
+os.environ["PCJAX_CACHE"] = "off"
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 import shlex
 import shutil
@@ -13,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 import pytest
 import xarray as xr
@@ -23,6 +25,7 @@ import pcjax.cli
 from pcjax import paper
 from pcjax.claims import FIGURES_NEEDED, judge_claims
 from pcjax.cli import main
+from pcjax.compilation_cache import OLDEST_JAX, cache_folder
 from pcjax.figures import run_figure
 
 # A wide gate and inclined fingertips: within 50 s about half of the trials pass.
@@ -124,18 +127,81 @@ def test_one_direction_has_neither_the_other_nor_the_score(command: Command, dir
     assert told[direction] == both[direction]
 
 
-def test_the_module_runs_as_a_program(tmp_path: Path):
+def program(line: str, folder: Path, **environment: str) -> Done:
+    """Runs a command line as a program of its own in `folder`."""
     done = subprocess.run(
-        [sys.executable, "-m", "pcjax", "evaluate", "--json", *shlex.split(SMALL)],
+        [sys.executable, "-m", "pcjax", *shlex.split(line)],
         capture_output=True,
         text=True,
-        cwd=tmp_path,
+        cwd=folder,
+        env=os.environ | environment,
         timeout=120,
         check=False,
     )
-    told = one_object(Done(done.returncode, done.stdout, done.stderr))
+    return Done(done.returncode, done.stdout, done.stderr)
+
+
+def test_the_module_runs_as_a_program(tmp_path: Path):
+    told = one_object(program(f"evaluate --json {SMALL}", tmp_path))
     check_json(told, ("does", "eoen"))
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(jax.__version_info__ < OLDEST_JAX, reason="nothing is kept")
+def test_kept_programs_change_no_number_and_print_nothing(command: Command, tmp_path: Path):
+    line = f"evaluate --json {SMALL}"
+    compiled = numbers(one_object(command(line)))
+    cache = tmp_path / "cache"
+
+    def with_cache(folder: Path) -> dict[str, Any]:
+        return numbers(one_object(program(line, tmp_path, PCJAX_CACHE=str(folder))))
+
+    def kept() -> dict[str, int]:
+        return {path.name: path.stat().st_mtime_ns for path in cache.iterdir()}
+
+    assert with_cache(cache) == compiled
+    entries = kept()
+    assert any("advance" in name for name in entries)
+    assert with_cache(cache) == compiled
+    assert kept() == entries
+
+    # As another process would see it that reads while this one writes.
+    small = min(cache.iterdir(), key=lambda path: path.stat().st_size)
+    small.write_bytes(small.read_bytes()[:-100])
+    assert with_cache(cache) == compiled
+
+    (tmp_path / "plain").write_text("a file, not a folder")
+    assert with_cache(tmp_path / "plain" / "cache") == compiled
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cache", "plain"]
+
+
+@pytest.mark.parametrize(
+    ("platform", "environment", "folder"),
+    [
+        ("linux", {}, "~/.cache/pcjax"),
+        ("linux", {"XDG_CACHE_HOME": "/caches"}, "/caches/pcjax"),
+        ("linux", {"XDG_CACHE_HOME": "not/absolute"}, "~/.cache/pcjax"),
+        ("darwin", {}, "~/Library/Caches/pcjax"),
+        ("win32", {}, "~/AppData/Local/pcjax"),
+        ("win32", {"LOCALAPPDATA": "/local"}, "/local/pcjax"),
+        ("linux", {"PCJAX_CACHE": ""}, "~/.cache/pcjax"),
+        ("linux", {"PCJAX_CACHE": "/elsewhere"}, "/elsewhere"),
+        ("linux", {"PCJAX_CACHE": "~/mine"}, "~/mine"),
+        ("linux", {"PCJAX_CACHE": "off"}, None),
+    ],
+)
+def test_programs_are_kept_where_the_user_keeps_caches(
+    monkeypatch: pytest.MonkeyPatch,
+    platform: str,
+    environment: dict[str, str],
+    folder: str | None,
+):
+    monkeypatch.setattr(sys, "platform", platform)
+    for name in ("PCJAX_CACHE", "XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert cache_folder() == (folder and Path(folder).expanduser())
 
 
 def test_the_same_seed_repeats_and_another_changes_the_numbers(command: Command):

@@ -16,7 +16,7 @@ import pcjax
 PACKAGE = Path(pcjax.__file__).parent
 
 LAYERS = (
-    ("__init__", "__main__", "cli"),
+    ("__init__", "__main__", "cli", "compilation_cache"),
     ("claims", "viz"),
     ("figures",),
     ("evaluate",),

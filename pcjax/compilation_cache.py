@@ -1,0 +1,65 @@
+"""Keeps compiled programs between runs of the command line, in the user's cache folder."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from pathlib import Path
+
+import jax
+
+VARIABLE = "PCJAX_CACHE"
+"""Environment variable: a folder for compiled programs, or "off" to compile anew in every run."""
+
+OLDEST_JAX = (0, 10, 2)
+"""Before this version XLA logs errors on stderr when it loads a program on many Intel CPUs."""
+
+
+def use_compilation_cache() -> None:
+    """Configures JAX, for the whole process, to load and keep compiled programs.
+
+    JAX names a program by what is compiled, its own version and the processor's features, so a
+    folder may be shared by versions and machines; it may be deleted at any time. Where it cannot
+    be used, everything is compiled, in silence. A cache that the user has configured for JAX
+    stays as it is.
+    """
+    folder = cache_folder()
+    if (
+        folder is None
+        or jax.config.values["jax_compilation_cache_dir"]
+        or jax.__version_info__ < OLDEST_JAX
+    ):
+        return
+    try:
+        # Programs in it are run: nobody else should be able to write there.
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError:
+        return
+    # An entry that cannot be read (another process may be writing it) is compiled instead.
+    warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache")
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    # A run starts some twenty small programs beside the large one: keep them as well.
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def cache_folder() -> Path | None:
+    """Where programs are kept by the environment's and the platform's rules; None to keep none."""
+    named = os.environ.get(VARIABLE)
+    if named == "off":
+        return None
+    try:
+        return Path(named).expanduser() if named else _user_caches() / "pcjax"
+    except RuntimeError:  # no home
+        return None
+
+
+def _user_caches() -> Path:
+    """The platform's folder for the user's caches."""
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches"
+    named = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    return named if named.is_absolute() else Path.home() / ".cache"
