@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -52,8 +51,7 @@ def safe_step(scenario: Scenario) -> float:
     """A step in which a fall through the whole hand covers a modest share of the radius."""
     hand, drive = scenario.hand, scenario.drive
     reach = float(hand.palm_length) + max(float(sum(ls)) for ls in hand.lengths)
-    pull = float(drive.gravity) * math.sqrt(2.0) * math.sin(float(drive.amplitude))
-    speed = math.sqrt(2.0 * pull * reach)
+    speed = drive.top_speed(reach)
     radius = float(scenario.body.radius)
     if _AUTO_TRAVEL * radius < SHORTEST_STEP * speed:
         raise ValueError(

@@ -14,20 +14,21 @@ import os
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Int32, UInt8
+from jaxtyping import Float32, Int32, UInt8
 from tqdm import tqdm
 
 from pcjax.checks import check_count
 from pcjax.engines.draws import period_draws, start_draws, trial_key
 from pcjax.engines.stepping import Stepping
+from pcjax.model.body import Stick
 from pcjax.model.scenario import Scenario
-from pcjax.physics.step import INVALID, PAPER_DT, PASSED, RUNNING, State, at_rest
+from pcjax.physics.step import INVALID, PAPER_DT, PASSED, RUNNING, State, begin
 from pcjax.planar import Vec, where
 
 LIMIT = 3
@@ -52,7 +53,11 @@ _COMPILER_OPTIONS = {
 
 class Lanes(NamedTuple):
     """A block of trials under way: arrays of shape (lanes,), NumPy's between periods and JAX's
-    within."""
+    within.
+
+    A stick has `more`, of shape (lanes, 4): angle, spin and what `Watch` keeps; a circle has none,
+    (lanes, 0).
+    """
 
     condition: Any
     trial: Any
@@ -63,12 +68,16 @@ class Lanes(NamedTuple):
     vy: Any
     steps: Any
     status: Any
+    more: Any
 
     @classmethod
-    def idle(cls, count: int, dtype: type) -> Lanes:
+    def idle(cls, count: int, dtype: type, more: int = 0) -> Lanes:
         """Lanes with nothing to do."""
-        kinds = dict.fromkeys(cls._fields, np.int32) | dict.fromkeys(("x", "y", "vx", "vy"), dtype)
-        idle = cls(**{name: np.zeros(count, kind) for name, kind in kinds.items()})
+        kinds = dict.fromkeys(cls._fields, np.int32) | dict.fromkeys(
+            ("x", "y", "vx", "vy", "more"), dtype
+        )
+        shapes = {"more": (count, more)}
+        idle = cls(**{k: np.zeros(shapes.get(k, count), kind) for k, kind in kinds.items()})
         idle.status[:] = PASSED
         return idle
 
@@ -81,15 +90,17 @@ class Outcomes:
         steps: the paper's step (of 0.001 s) in which the trial ended, at most `max_steps`.
         status: PASSED, LIMIT or INVALID (`STATUS_NAMES`).
         max_steps: the step limit.
+        watch: for sticks, the deepest penetration and farthest travel of each trial (see `Watch`).
     """
 
     steps: Int32[np.ndarray, "conditions trials"]
     status: UInt8[np.ndarray, "conditions trials"]
     max_steps: int
+    watch: Float32[np.ndarray, "conditions trials 2"] | None = None
 
     @classmethod
-    def blank(cls, conditions: int, trials: int, max_steps: int) -> Outcomes:
-        """Outcomes to be filled in.
+    def blank(cls, conditions: int, trials: int, max_steps: int, watched: bool = False) -> Outcomes:
+        """Outcomes to be filled in, for sticks with a `watch`.
 
         Raises:
             ValueError: a count out of range.
@@ -97,7 +108,8 @@ class Outcomes:
         check_count("trials", trials, 1, 2**31 - 1)
         check_count("max_steps", max_steps, 1, 2**31 - 1)
         shape = conditions, trials
-        return cls(np.zeros(shape, np.int32), np.zeros(shape, np.uint8), max_steps)
+        watch = np.zeros((*shape, 2), np.float32) if watched else None
+        return cls(np.zeros(shape, np.int32), np.zeros(shape, np.uint8), max_steps, watch)
 
 
 def run(
@@ -129,14 +141,15 @@ def run(
     Raises:
         ValueError: a count out of range, or scenarios of unequal structure.
     """
-    outcomes = Outcomes.blank(len(scenarios), trials, max_steps)
+    stick = isinstance(scenarios[0].body, Stick)
+    outcomes = Outcomes.blank(len(scenarios), trials, max_steps, watched=stick)
     check_count("seed", seed, 0, 2**32 - 1)
     if precision not in (32, 64):
         raise ValueError(f"precision is {precision!r}: it has to be 32 or 64 (bits)")
     if len({jax.tree.structure(scenario) for scenario in scenarios}) != 1:
         raise ValueError(
             "the scenarios differ in structure: conditions that run together need the same "
-            "numbers of limbs, the same drive and the same kind of contact"
+            "numbers of limbs, the same drive, the same kind of object and the same kind of contact"
         )
     dtype = np.float32 if precision == 32 else np.float64
     stacked = jax.tree.map(lambda *leaves: np.asarray(leaves, dtype), *scenarios)
@@ -165,7 +178,8 @@ def run(
     ):
         ledger.on_end = bar.update
         jobs = [
-            pool.submit(_work, ledger, advance, block, dtype, precision, device) for device in crew
+            pool.submit(_work, ledger, advance, block, dtype, precision, device, 4 if stick else 0)
+            for device in crew
         ]
         try:
             done, _ = wait(jobs, return_when=FIRST_EXCEPTION)
@@ -251,6 +265,8 @@ class _Ledger:
         with self._lock:
             self._outcomes.status[where_to] = lanes.status[ended]
             self._outcomes.steps[where_to] = np.minimum(paper_steps[ended], self._max_steps)
+            if self._outcomes.watch is not None:
+                self._outcomes.watch[where_to] = lanes.more[ended, 2:]
             self.on_end(len(ended))
 
 
@@ -261,8 +277,9 @@ def _work(
     dtype: type,
     precision: int,
     device: Any,
+    more: int,
 ) -> None:
-    lanes = Lanes.idle(block, dtype)
+    lanes = Lanes.idle(block, dtype, more)
     ledger.enter()
     with jax.enable_x64(precision == 64), jax.default_device(device):
         while not ledger.stopped.is_set() and ledger.fill(lanes):
@@ -293,14 +310,20 @@ def _advance_block(
         first = lane.period == 0
         before = period_draws(key, jnp.maximum(lane.period - 1, 0), drive.targets_per_period)
         draws = period_draws(key, lane.period, drive.targets_per_period)
-        begin = at_rest(scenario.start(start_draws(key, scenario.draws_for_start)))
-        state = State(
-            where(first, begin.position, Vec(lane.x, lane.y)),
-            where(first, begin.velocity, Vec(lane.vx, lane.vy)),
-            begin.clock,
-            jnp.where(first, 0, lane.steps),
-            lane.status,
+        fresh = begin(scenario, start_draws(key, scenario.draws_for_start))
+        state = replace(
+            fresh,
+            position=where(first, fresh.position, Vec(lane.x, lane.y)),
+            velocity=where(first, fresh.velocity, Vec(lane.vx, lane.vy)),
+            steps=jnp.where(first, 0, lane.steps),
+            status=lane.status,
         )
+        if isinstance(scenario.body, Stick):
+            kept = jax.tree.unflatten(jax.tree.structure(_more(fresh)), list(lane.more))
+            angle, spin, watch = jax.tree.map(
+                lambda new, old: jnp.where(first, new, old), _more(fresh), kept
+            )
+            state = replace(state, angle=angle, spin=spin, watch=watch)
         return scenario.world(), drive.swing(before, draws, first), state
 
     worlds, swings, states = jax.vmap(prepare)(lanes)
@@ -315,5 +338,11 @@ def _advance_block(
         states.velocity.y,
         states.steps,
         states.status,
+        jnp.stack(jax.tree.leaves(_more(states)), axis=1) if _more(states) else lanes.more,
     )
     return moved, lag
+
+
+def _more(state: State) -> tuple[Any, Any, Any] | None:
+    """What a stick's state has and a circle's has not."""
+    return None if state.angle is None else (state.angle, state.spin, state.watch)

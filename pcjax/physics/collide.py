@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -11,6 +12,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from pcjax.planar import Flag, Scalar, Segment, Vec, fence, unit_and_length, where
+
+T = TypeVar("T")
 
 
 class Contact(eqx.Module):
@@ -58,8 +61,8 @@ def two_nearest(limbs: Sequence[Segment], centre: Vec, one: Scalar) -> tuple[Con
         first = jnp.minimum(first, key)
 
     def contact(key: Scalar) -> Contact:
-        tag = _bits(fence(key, one)) & ((1 << tag_bits) - 1)
-        offset = _pick(limbs, tag >> 1).offset(centre)
+        tag = bits(fence(key, one)) & ((1 << tag_bits) - 1)
+        offset = pick(limbs, tag >> 1).offset(centre)
         return Contact(Vec(fence(offset.x, one), fence(offset.y, one)), (tag & 1) != 0)
 
     return contact(first), contact(second)
@@ -77,17 +80,17 @@ def _key(limb: Segment, centre: Vec, number: int, tag_bits: int) -> Scalar:
     if number > 0:
         square = jnp.where(along < 0, 1e30, square)
     tag = jnp.where(beyond != 0, 2 * number + 1, 2 * number)
-    marked = (_bits(square) & ~((1 << tag_bits) - 1)) | tag.astype(_bits(square).dtype)
+    marked = (bits(square) & ~((1 << tag_bits) - 1)) | tag.astype(bits(square).dtype)
     return jax.lax.bitcast_convert_type(marked, square.dtype)
 
 
-def _bits(value: Scalar) -> Array:
+def bits(value: Scalar) -> Array:
     integer = {4: jnp.int32, 8: jnp.int64}[jnp.result_type(value).itemsize]
     return jax.lax.bitcast_convert_type(value, integer)
 
 
-def _pick(limbs: Sequence[Segment], number: Scalar) -> Segment:
-    """limbs[number] for a traced number, as selects."""
+def pick(items: Sequence[T], number: Scalar) -> T:
+    """items[number] for a traced number, as selects; the last one beyond the end."""
 
     def choose(*leaves: Scalar) -> Scalar:
         chosen = leaves[-1]
@@ -95,4 +98,4 @@ def _pick(limbs: Sequence[Segment], number: Scalar) -> Segment:
             chosen = jnp.where(number == k, leaf, chosen)
         return chosen
 
-    return jax.tree.map(choose, *limbs)
+    return jax.tree.map(choose, *items)
