@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from pcjax.planar import Flag, Scalar, Segment, Vec, fence, unit_and_length, where
-
-T = TypeVar("T")
+from pcjax.planar import Flag, Scalar, Segment, T, Vec, fence, unit_and_length, where
 
 
 class Contact(eqx.Module):

@@ -88,13 +88,13 @@ def hold_off(
         normals.append(normal)
         depths.append(fence(radius - distance, one))
     overlap = normals[0].dot(normals[1])
-    out = least_push(overlap, *(law.ramp(depth) for depth in depths))
+    out = _least_push(overlap, *(law.ramp(depth) for depth in depths))
     gates = [law.switch(depth) for depth in depths]
     needs = [
         fence(jnp.where(gate > 0, _turn_back(law, normal, end, dt), INACTIVE), one)
         for gate, normal in zip(gates, normals, strict=True)
     ]
-    turn = least_push(overlap, *needs)
+    turn = _least_push(overlap, *needs)
     position, velocity = end.position, end.velocity
     for normal, gate, push, stop in zip(normals, gates, out, turn, strict=True):
         position = position + normal * fence(push, one)
@@ -110,7 +110,7 @@ def _turn_back(law: ContactLaw, normal: Vec, end: Motion, dt: Scalar) -> Scalar:
     return approach * (1.0 + jnp.where(approach > resting, law.restitution, 0.0))
 
 
-def least_push(overlap: Scalar, need_a: Scalar, need_b: Scalar) -> tuple[Scalar, Scalar]:
+def _least_push(overlap: Scalar, need_a: Scalar, need_b: Scalar) -> tuple[Scalar, Scalar]:
     """The pushes along two unit normals that give each at least the displacement it needs.
 
     Pushes are never negative, and zero where not needed (a linear complementarity problem of two

@@ -14,6 +14,7 @@ it, N = (n, c / kappa), and the impulse (17) a change of velocity along N / (N .
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 
@@ -26,13 +27,17 @@ from pcjax.model.contact_law import ContactLaw
 from pcjax.model.motion import Motion
 from pcjax.model.scenario import World
 from pcjax.physics.collide import bits, pick
-from pcjax.physics.respond import INACTIVE, least_push, time_since_contact
-from pcjax.planar import Flag, Scalar, Segment, Vec, fence, where
+from pcjax.physics.respond import INACTIVE, time_since_contact
+from pcjax.planar import Flag, Scalar, Segment, Vec, fence, fence_all, where
 
 _SWEEPS = 2
-"""How often in a step the two deepest contacts are taken anew and held off. A stick wedged in a
-corner has three; what is left of the third is far smaller than the skin and goes in the next step.
-"""
+"""How often in a step the deepest contacts are taken anew and held off together."""
+
+_TOGETHER = 3
+"""How many contacts are held off together with the one of the impact."""
+
+_ROUNDS = 12
+"""Rounds of Gauss-Seidel among the contacts that are held off together."""
 
 
 class Pose(eqx.Module):
@@ -56,15 +61,14 @@ class Rod(eqx.Module):
 
     def pose(self, one: Scalar) -> Pose:
         """Where it is."""
-        pose = Pose.of(self.centre.position, self.angle)
-        return jax.tree.map(lambda value: fence(value, one), pose)
+        return fence_all(Pose.of(self.centre.position, self.angle), one)
 
-    def earlier(self, time: Scalar) -> tuple[Pose, Vec]:
+    def earlier(self, time: Scalar, one: Scalar) -> tuple[Pose, Vec]:
         """Pose and velocity `time` seconds before the end, as seen from the hand."""
         velocity, acceleration = self.centre.relative(), self.centre.acceleration
         back = (acceleration * (0.5 * time) - velocity) * time
         pose = Pose.of(self.centre.position + back, self.angle - self.spin * time)
-        return pose, velocity - acceleration * time
+        return fence_all((pose, velocity - acceleration * time), one)
 
     def kicked(self, kick: Vec, spin: Scalar, since: Scalar, carried: Scalar) -> Rod:
         """After a change of velocity and spin `since` seconds ago, `carried` on for as long."""
@@ -120,7 +124,7 @@ class Touch(eqx.Module):
 def meet_limbs_with_stick(
     world: World, before: Pose, free: Rod, dt: Scalar, one: Scalar
 ) -> tuple[Rod, Scalar]:
-    """The impact with the deepest contact, then rest and sliding on the deepest two.
+    """The impact with the deepest contact, then rest and sliding on all that it touches.
 
     Arguments:
         world: with a stick for its body.
@@ -133,16 +137,18 @@ def meet_limbs_with_stick(
     """
     assert isinstance(world.body, Stick)
     law, body = world.law, world.body
-    first, _ = _two_deepest(world, before, free.pose(one), one)
-    moved = impact(law, body, first, free, dt, one)
-    for _ in range(_SWEEPS):
-        pair = _two_deepest(world, before, moved.pose(one), one)
-        moved = hold_off(law, body, pair, moved, dt, one)
+    (deepest,) = _deepest(1, world, before, free.pose(one), one)
+    moved = impact(law, body, deepest, free, dt, one)
+
+    def sweep(_: int, moved: Rod) -> Rod:
+        # The impact's contact stays among them, even where another one has been run into so far
+        # that the point is beside the segment meanwhile.
+        touches = [deepest, *_deepest(_TOGETHER, world, before, moved.pose(one), one)]
+        return hold_off(law, body, touches, moved, dt, one)
+
+    moved = jax.lax.fori_loop(0, _SWEEPS, sweep, moved)
     left = [jax.lax.stop_gradient(depth) for depth in depths(world, before, moved.pose(one))]
-    deepest = left[0]
-    for depth in left[1:]:
-        deepest = jnp.maximum(deepest, depth)
-    return moved, deepest
+    return moved, functools.reduce(jnp.maximum, left)
 
 
 def impact(law: ContactLaw, body: Stick, touch: Touch, end: Rod, dt: Scalar, one: Scalar) -> Rod:
@@ -151,8 +157,8 @@ def impact(law: ContactLaw, body: Stick, touch: Touch, end: Rod, dt: Scalar, one
     The time follows from the depth at the end of the step and one Newton step at the time so found,
     where stick and normal are as they were then.
     """
-    now, velocity = end.earlier(0.0)
-    normal, lever, distance, reach = touch.at(now)
+    now, velocity = end.earlier(0.0, one)
+    normal, lever, distance, reach = fence_all(touch.at(now), one)
     depth = body.skin - distance
     pressing = -end.centre.acceleration.dot(normal) - touch.bend(
         now, normal, reach, velocity, end.spin
@@ -160,15 +166,15 @@ def impact(law: ContactLaw, body: Stick, touch: Touch, end: Rod, dt: Scalar, one
     inwards = -velocity.dot(normal) - end.spin * lever
     since = fence(time_since_contact(inwards, pressing, depth, dt), one)
 
-    then, velocity = end.earlier(since)
-    normal, lever, distance, _ = touch.at(then)
+    then, velocity = end.earlier(since, one)
+    normal, lever, distance, _ = fence_all(touch.at(then), one)
     approach = -velocity.dot(normal) - end.spin * lever
     fast = approach > law.resting_speed
     late = jnp.where(fast, (body.skin - distance) / jnp.where(fast, approach, 1.0), 0.0)
     since = fence(jnp.where(depth > 0, jnp.clip(since + late, 0.0, dt), 0.0), one)
 
-    then, velocity = end.earlier(since)
-    normal, lever, _, _ = touch.at(then)
+    then, velocity = end.earlier(since, one)
+    normal, lever, _, _ = fence_all(touch.at(then), one)
     approach = -velocity.dot(normal) - end.spin * lever  # (3): only if positive
     restitution = jnp.where(approach > law.resting_speed, law.restitution, 0.0)
     change = (1.0 + restitution) * jnp.maximum(approach, 0.0)  # (14)
@@ -180,40 +186,65 @@ def impact(law: ContactLaw, body: Stick, touch: Touch, end: Rod, dt: Scalar, one
 
 
 def hold_off(
-    law: ContactLaw, body: Stick, pair: tuple[Touch, Touch], end: Rod, dt: Scalar, one: Scalar
+    law: ContactLaw,
+    body: Stick,
+    touches: Sequence[Touch],
+    end: Rod,
+    dt: Scalar,
+    one: Scalar,
 ) -> Rod:
-    """Takes the stick out of two contacts and turns back what still moves it into them.
+    """Takes the stick out of its contacts and turns back what still moves it into them.
 
-    As for the circle, with unit vectors along N in place of normals.
+    As for the circle, with unit vectors along N in place of normals and more than two contacts.
     """
-    now, velocity = end.earlier(0.0)
+    now, velocity = end.earlier(0.0, one)
     per_inertia = body.mass / body.inertia
-    ways, out, turn, gates = [], [], [], []
-    for touch in pair:
-        normal, lever, distance, reach = touch.at(now)
+    ways, needs, stops, gates = [], [], [], []
+    for touch in touches:
+        normal, lever, distance, reach = fence_all(touch.at(now), one)
         depth = body.skin - distance
         size = jnp.sqrt(1.0 + lever * lever * per_inertia)
-        gate = jnp.where(touch.on, law.switch(depth), 0.0)
         approach = -velocity.dot(normal) - end.spin * lever
         pressing = -end.centre.acceleration.dot(normal) - touch.bend(
             now, normal, reach, velocity, end.spin
         )
         resting = law.resting_speed + jnp.maximum(pressing, 0.0) * dt
         stop = approach * (1.0 + jnp.where(approach > resting, law.restitution, 0.0))
-        ways.append((normal * (1.0 / size), lever / size))
-        out.append(fence(jnp.where(touch.on, law.ramp(depth) / size, INACTIVE), one))
-        turn.append(fence(jnp.where(gate > 0, stop / size, INACTIVE), one))
-        gates.append(gate)
-    (way_a, lever_a), (way_b, lever_b) = ways
-    overlap = way_a.dot(way_b) + lever_a * lever_b * per_inertia
+        way, lever = normal * (1.0 / size), lever / size
+        ways.append(fence_all((way, lever), one))
+        needs.append(fence(jnp.where(touch.on, law.ramp(depth) / size, INACTIVE), one))
+        stops.append(fence(stop / size, one))
+        gates.append(jnp.where(touch.on, law.switch(depth), 0.0))
+    overlaps = [
+        [way.dot(other) + lever * turned * per_inertia for other, turned in ways]
+        for way, lever in ways
+    ]
+    pushes = [fence(push, one) for push in _least_pushes(overlaps, needs)]
+    # Also what the other contacts push the stick against turns it back.
+    gates = [
+        jnp.where((need <= 0) & (push > 0), 1.0, gate)
+        for need, push, gate in zip(needs, pushes, gates, strict=True)
+    ]
+    turns = [jnp.where(gate > 0, stop, INACTIVE) for gate, stop in zip(gates, stops, strict=True)]
+    turns = _least_pushes(overlaps, [fence(turn, one) for turn in turns])
     held = end
-    for (way, lever), gate, push, stop in zip(
-        ways, gates, least_push(overlap, *out), least_push(overlap, *turn), strict=True
-    ):
-        push, stop = fence(push, one), fence(gate * stop, one)
+    for (way, lever), gate, push, turn in zip(ways, gates, pushes, turns, strict=True):
+        turn = fence(gate * turn, one)
         held = held.pushed(way * push, lever * per_inertia * push)
-        held = held.kicked(way * stop, lever * per_inertia * stop, 0.5 * dt, 0.0)
+        held = held.kicked(way * turn, lever * per_inertia * turn, 0.5 * dt, 0.0)
     return held
+
+
+def _least_pushes(overlaps: Sequence[Sequence[Scalar]], needs: Sequence[Scalar]) -> list[Scalar]:
+    """`respond.least_push` for more than two unit vectors, by projected Gauss-Seidel."""
+
+    def once(_: int, pushes: list[Scalar]) -> list[Scalar]:
+        for k, need in enumerate(needs):
+            others = [overlaps[k][m] * pushes[m] for m in range(len(needs)) if m != k]
+            pushes[k] = jnp.maximum(need - sum(others), 0.0)
+        return pushes
+
+    return jax.lax.fori_loop(0, _ROUNDS, once, [0.0 * need for need in needs])
 
 
 def depths(world: World, before: Pose, after: Pose) -> list[Scalar]:
@@ -296,23 +327,24 @@ def _vertices_of(limb: int, finger_1: int) -> tuple[int, int]:
     return first.get(limb, limb), limb + 1
 
 
-def _two_deepest(world: World, before: Pose, after: Pose, one: Scalar) -> tuple[Touch, Touch]:
-    """The two deepest contacts of the stick at `after`, which come last where there are fewer.
+def _deepest(count: int, world: World, before: Pose, after: Pose, one: Scalar) -> list[Touch]:
+    """The `count` deepest contacts of the stick at `after`, the deepest first.
 
-    As in `collide.two_nearest`, the depths' lowest bits hold the contact's number.
+    Where there are fewer, the last ones are off. As in `collide.two_nearest`, the depths' lowest
+    bits hold the contact's number.
     """
     assert isinstance(world.body, Stick)
     limbs, half = world.limbs, world.body.half_length
     found = depths(*jax.lax.stop_gradient((world, before, after)))
     mask = (1 << math.ceil(math.log2(len(found)))) - 1
-    keys = []
+    best: list[Scalar] = []
     for number, depth in enumerate(found):
         marked = (bits(depth) & ~mask) | number
-        keys.append(jax.lax.bitcast_convert_type(marked, jnp.result_type(depth)))
-    first, second = jnp.maximum(keys[0], keys[1]), jnp.minimum(keys[0], keys[1])
-    for key in keys[2:]:
-        second = jnp.maximum(second, jnp.minimum(first, key))
-        first = jnp.maximum(first, key)
+        key = jax.lax.bitcast_convert_type(marked, jnp.result_type(depth))
+        for place, other in enumerate(best):
+            best[place], key = jnp.maximum(other, key), jnp.minimum(other, key)
+        if len(best) < count:
+            best.append(key)
 
     def touch(key: Scalar) -> Touch:
         key = fence(key, one)
@@ -329,8 +361,8 @@ def _two_deepest(world: World, before: Pose, after: Pose, one: Scalar) -> tuple[
             -before.along.cross(relative),
         )
         side = jnp.where(across >= 0, 1.0, -1.0)
-        return Touch(
-            key > 0.5 * INACTIVE, by_end, anchor, Vec(-tangent.y, tangent.x) * side, reach, side
-        )
+        normal = Vec(-tangent.y, tangent.x) * side
+        anchor, normal, reach, side = fence_all((anchor, normal, reach, side), one)
+        return Touch(key > 0.5 * INACTIVE, by_end, anchor, normal, reach, side)
 
-    return touch(first), touch(second)
+    return [touch(key) for key in best]
