@@ -157,7 +157,12 @@ def advance_stick(world: World, state: State, free: Motion, dt: Scalar, one: Sca
 def judge(world: World, state: State, moved: Motion, safe: Flag) -> State:
     """Goal test, the verdict on the step's safety, and the freeze of trials that have ended."""
     before, after = world.goal.beyond(state.position), world.goal.beyond(moved.position)
-    passed = (before < 0) & (after >= 0) & world.goal.between(moved.position)
+    # A circle keeps its radius from the line's ends, a stick's centre may cross right beside them.
+    across = moved.position
+    if isinstance(world.body, Stick):
+        share = before / jnp.where(after > before, before - after, -1.0)
+        across = state.position + (moved.position - state.position) * share
+    passed = (before < 0) & (after >= 0) & world.goal.between(across)
     running = state.status == RUNNING
     velocity = moved.velocity
     if moved.carry is not None:
