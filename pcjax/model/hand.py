@@ -135,6 +135,13 @@ class HandDesign(eqx.Module):
         ]
         return ("the palm", *fingers)
 
+    def can_turn_fingertips(self) -> bool:
+        """Whether turned fingertips leave a box: EoEn is defined for three limbs or more a finger.
+
+        With two they leave an open hand, which confines nothing.
+        """
+        return min(len(lengths) for lengths in self.lengths) > 2
+
     def with_fingertips_turned(self) -> HandDesign:
         """The hand for EoEn (Fig. 8(b)): each fingertip turned to its limb's other side."""
         turned = [(*angles[:-1], -angles[-1]) for angles in self.angles]

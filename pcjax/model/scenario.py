@@ -186,7 +186,7 @@ def eoen(
     Raises:
         ValueError: a finger with fewer than three limbs, which leaves no box.
     """
-    if min(len(lengths) for lengths in hand.lengths) < 3:
+    if not hand.can_turn_fingertips():
         raise ValueError(
             "EoEn needs a hand with three limbs or more a finger: with two, turned fingertips "
             "leave an open hand that confines nothing; evaluate with direction 'does'"

@@ -340,7 +340,7 @@ def _deepest(count: int, world: World, before: Pose, after: Pose, one: Scalar) -
     best: list[Scalar] = []
     for number, depth in enumerate(found):
         marked = (bits(depth) & ~mask) | number
-        key = jax.lax.bitcast_convert_type(marked, jnp.result_type(depth))
+        key = fence(jax.lax.bitcast_convert_type(marked, jnp.result_type(depth)), one)
         for place, other in enumerate(best):
             best[place], key = jnp.maximum(other, key), jnp.minimum(other, key)
         if len(best) < count:
