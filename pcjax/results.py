@@ -392,8 +392,8 @@ class Evaluation:
             if stick := self.stick(direction):
                 rows.append(
                     f"stick, {NAMES[direction]}: worst penetration {stick['penetration']:.2g} of "
-                    f"a skin of {stick['skin']:.2g}, farthest travel in a step {stick['travel']:.3g}"
-                    f", {self.status(direction)['invalid']} trials went wrong"
+                    f"a skin of {stick['skin']:.2g}, farthest travel in a step "
+                    f"{stick['travel']:.3g}, {self.status(direction)['invalid']} trials went wrong"
                 )
         return "\n".join(rows + [f"note: {note}" for note in self.notes()])
 
