@@ -34,7 +34,7 @@ _SWEEPS = 2
 """How often in a step the deepest contacts are taken anew and held off together."""
 
 _TOGETHER = 3
-"""How many contacts are held off together with the one of the impact."""
+"""How many contacts are looked for at the end of the free motion, and again in each sweep."""
 
 _ROUNDS = 12
 """Rounds of Gauss-Seidel among the contacts that are held off together."""
@@ -137,13 +137,13 @@ def meet_limbs_with_stick(
     """
     assert isinstance(world.body, Stick)
     law, body = world.law, world.body
-    (deepest,) = _deepest(1, world, before, free.pose(one), one)
-    moved = impact(law, body, deepest, free, dt, one)
+    met = _deepest(_TOGETHER, world, before, free.pose(one), one)
+    moved = impact(law, body, met[0], free, dt, one)
 
     def sweep(_: int, moved: Rod) -> Rod:
-        # The impact's contact stays among them, even where another one has been run into so far
-        # that the point is beside the segment meanwhile.
-        touches = [deepest, *_deepest(_TOGETHER, world, before, moved.pose(one), one)]
+        # What the free motion met stays among them, even where one contact has been run into so
+        # far that the point of another is beside its segment meanwhile.
+        touches = [*met, *_deepest(_TOGETHER, world, before, moved.pose(one), one)]
         return hold_off(law, body, touches, moved, dt, one)
 
     moved = jax.lax.fori_loop(0, _SWEEPS, sweep, moved)
@@ -219,14 +219,14 @@ def hold_off(
         [way.dot(other) + lever * turned * per_inertia for other, turned in ways]
         for way, lever in ways
     ]
-    pushes = [fence(push, one) for push in _least_pushes(overlaps, needs)]
+    pushes = [fence(push, one) for push in _least_pushes(overlaps, needs, one)]
     # Also what the other contacts push the stick against turns it back.
     gates = [
         jnp.where((need <= 0) & (push > 0), 1.0, gate)
         for need, push, gate in zip(needs, pushes, gates, strict=True)
     ]
     turns = [jnp.where(gate > 0, stop, INACTIVE) for gate, stop in zip(gates, stops, strict=True)]
-    turns = _least_pushes(overlaps, [fence(turn, one) for turn in turns])
+    turns = _least_pushes(overlaps, [fence(turn, one) for turn in turns], one)
     held = end
     for (way, lever), gate, push, turn in zip(ways, gates, pushes, turns, strict=True):
         turn = fence(gate * turn, one)
@@ -235,13 +235,15 @@ def hold_off(
     return held
 
 
-def _least_pushes(overlaps: Sequence[Sequence[Scalar]], needs: Sequence[Scalar]) -> list[Scalar]:
+def _least_pushes(
+    overlaps: Sequence[Sequence[Scalar]], needs: Sequence[Scalar], one: Scalar
+) -> list[Scalar]:
     """`respond.least_push` for more than two unit vectors, by projected Gauss-Seidel."""
 
     def once(_: int, pushes: list[Scalar]) -> list[Scalar]:
         for k, need in enumerate(needs):
             others = [overlaps[k][m] * pushes[m] for m in range(len(needs)) if m != k]
-            pushes[k] = jnp.maximum(need - sum(others), 0.0)
+            pushes[k] = fence(jnp.maximum(need - sum(others), 0.0), one)
         return pushes
 
     return jax.lax.fori_loop(0, _ROUNDS, once, [0.0 * need for need in needs])
