@@ -222,9 +222,10 @@ def evaluate_grid(
     names = ["index1", "index2"]
     watched = {}
     if outcomes.watch is not None:
-        worst = outcomes.watch.max(axis=1)
+        worst = outcomes.watch.max(axis=1).astype(float)
+        worst[:, 2] = outcomes.watch[..., 2].sum(axis=1)
         watched = {
-            name: ("condition", worst[:, k].astype(float), attrs)
+            name: ("condition", worst[:, k], attrs)
             for k, (name, attrs) in enumerate(WATCHED.items())
         }
     return xr.Dataset(

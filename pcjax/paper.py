@@ -159,12 +159,14 @@ ARM_FIGURES = {
 """Settings of Figs. 13, 14 and 17. The angles are our choice within what the text says. Fig. 15
 shows the conditions of Figs. 13 and 14 against the width between the fingertips."""
 
+FIG15_TITLE = "Fig. 15: difficulty of escaping against the width between the fingertips"
+
 FIGURE_NAMES = (*FIGURES, "13", "14", "15", "17")
 """The figures that can be redone."""
 
 
 def max_steps(name: str) -> int:
     """The limit of steps in a figure."""
-    return (
-        WRIST_MAX_STEPS if name in FIGURES else ARM_FIGURES.get(name, ARM_FIGURES["13"]).max_steps
-    )
+    if name in FIGURES:
+        return WRIST_MAX_STEPS
+    return STICK_MAX_STEPS if name == "17" else ARM_MAX_STEPS

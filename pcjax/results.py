@@ -37,6 +37,10 @@ WATCHED = {
         "units": "model length",
         "long_name": "farthest that a point of the stick went in a step, seen from the hand",
     },
+    "undone": {
+        "units": "steps",
+        "long_name": "steps in which the stick had to stay where it was",
+    },
 }
 """What is kept of each trial of a stick."""
 
@@ -295,18 +299,21 @@ class Evaluation:
         """The worst of all trials of a stick in one direction, None for a circle.
 
         `penetration`, how deep it was inside its `skin` at the end of a step (less than the skin:
-        nothing was cut), and `travel`, the largest relative speed times the step.
+        nothing was cut), and `travel`, the largest relative speed times the step. `undone` is how
+        many steps in all had to leave the stick where it was.
         """
         if "skin" not in self.dataset.attrs:
             return None
         data = self.dataset.sel(direction=direction)
         worst = {name: float(data[name].max()) for name in WATCHED}
-        return worst | {"skin": float(self.dataset.attrs["skin"])}
+        undone = int(data.undone.sum())
+        return worst | {"undone": undone, "skin": float(self.dataset.attrs["skin"])}
 
     def notes(self) -> list[str]:
         """What one should know before using the numbers; empty if all is well."""
         notes = []
-        diameter = float(self.dataset.attrs["width"])
+        attrs = self.dataset.attrs
+        diameter = float(attrs.get("width", 2 * attrs["radius"]))
         for direction in self.directions:
             name, counts, n = NAMES[direction], self.status(direction), self.trials
             gap = float(self.dataset.gap.sel(direction=direction))
@@ -393,7 +400,8 @@ class Evaluation:
                 rows.append(
                     f"stick, {NAMES[direction]}: worst penetration {stick['penetration']:.2g} of "
                     f"a skin of {stick['skin']:.2g}, farthest travel in a step "
-                    f"{stick['travel']:.3g}, {self.status(direction)['invalid']} trials went wrong"
+                    f"{stick['travel']:.3g}, {stick['undone']} steps undone, "
+                    f"{self.status(direction)['invalid']} trials went wrong"
                 )
         return "\n".join(rows + [f"note: {note}" for note in self.notes()])
 

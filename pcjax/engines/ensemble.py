@@ -55,7 +55,7 @@ class Lanes(NamedTuple):
     """A block of trials under way: arrays of shape (lanes,), NumPy's between periods and JAX's
     within.
 
-    A stick has `more`, of shape (lanes, 4): angle, spin and what `Watch` keeps; a circle has none,
+    A stick has `more`, of shape (lanes, 5): angle, spin and what `Watch` keeps; a circle has none,
     (lanes, 0).
     """
 
@@ -90,13 +90,13 @@ class Outcomes:
         steps: the paper's step (of 0.001 s) in which the trial ended, at most `max_steps`.
         status: PASSED, LIMIT or INVALID (`STATUS_NAMES`).
         max_steps: the step limit.
-        watch: for sticks, the deepest penetration and farthest travel of each trial (see `Watch`).
+        watch: for sticks, what `Watch` keeps of each trial.
     """
 
     steps: Int32[np.ndarray, "conditions trials"]
     status: UInt8[np.ndarray, "conditions trials"]
     max_steps: int
-    watch: Float32[np.ndarray, "conditions trials 2"] | None = None
+    watch: Float32[np.ndarray, "conditions trials 3"] | None = None
 
     @classmethod
     def blank(cls, conditions: int, trials: int, max_steps: int, watched: bool = False) -> Outcomes:
@@ -108,7 +108,7 @@ class Outcomes:
         check_count("trials", trials, 1, 2**31 - 1)
         check_count("max_steps", max_steps, 1, 2**31 - 1)
         shape = conditions, trials
-        watch = np.zeros((*shape, 2), np.float32) if watched else None
+        watch = np.zeros((*shape, 3), np.float32) if watched else None
         return cls(np.zeros(shape, np.int32), np.zeros(shape, np.uint8), max_steps, watch)
 
 
@@ -178,7 +178,7 @@ def run(
     ):
         ledger.on_end = bar.update
         jobs = [
-            pool.submit(_work, ledger, advance, block, dtype, precision, device, 4 if stick else 0)
+            pool.submit(_work, ledger, advance, block, dtype, precision, device, 5 if stick else 0)
             for device in crew
         ]
         try:

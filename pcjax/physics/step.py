@@ -36,10 +36,12 @@ class Watch(eqx.Module):
     Attributes:
         penetration: deepest it has been in its skin at the end of a step.
         travel: the farthest any point of it went in a step, as seen from the hand.
+        undone: steps in which it stayed where it was (see `meet_limbs_with_stick`).
     """
 
     penetration: Scalar
     travel: Scalar
+    undone: Scalar
 
 
 class State(eqx.Module):
@@ -53,7 +55,7 @@ class State(eqx.Module):
         steps: steps taken since the trial began, the one that ended it included.
         status: RUNNING, PASSED, or INVALID where the motion stopped being a finite number or went
             so far in one step that a limb could be stepped over: a circle by its radius; a stick by
-            `LONGEST_TRAVEL` or `LARGEST_TURN`, or through its skin.
+            `LONGEST_TRAVEL` or `LARGEST_TURN`.
         angle: a stick's angle from the palm, radians; None for a circle, and so are the next two.
         spin: its angular velocity as seen from the ground.
         watch: see `Watch`.
@@ -75,7 +77,7 @@ def at_rest(position: Vec, angle: Scalar | None = None) -> State:
     state = State(position, Vec(zero, zero), count, count, count)
     if angle is None:
         return state
-    return replace(state, angle=angle + zero, spin=zero, watch=Watch(zero, zero))
+    return replace(state, angle=angle + zero, spin=zero, watch=Watch(zero, zero, zero))
 
 
 def begin(scenario: Scenario, draws: Float[Array, "3"]) -> State:
@@ -131,7 +133,7 @@ def advance_stick(world: World, state: State, free: Motion, dt: Scalar, one: Sca
     turn = spin * dt
     rod = Rod(free, state.angle + turn, spin)
     before = Rod(replace(free, position=state.position), state.angle, spin).pose(one)
-    moved, penetration = meet_limbs_with_stick(world, before, rod, dt, one)
+    moved, penetration, undone = meet_limbs_with_stick(world, before, state.angle, rod, dt, one)
     travel = unit_and_length(free.position - state.position)[1] + half * jnp.abs(turn)
     travel = jax.lax.stop_gradient(travel)
     safe = (penetration < skin) & (travel < LONGEST_TRAVEL * half) & (jnp.abs(turn) < LARGEST_TURN)
@@ -150,6 +152,7 @@ def advance_stick(world: World, state: State, free: Motion, dt: Scalar, one: Sca
         watch=Watch(
             jnp.where(running, jnp.maximum(watch.penetration, penetration), watch.penetration),
             jnp.where(running, jnp.maximum(watch.travel, travel), watch.travel),
+            watch.undone + jnp.where(running & undone, 1.0, 0.0),
         ),
     )
 

@@ -34,7 +34,7 @@ _SWEEPS = 2
 """How often in a step the deepest contacts are taken anew and held off together."""
 
 _TOGETHER = 3
-"""How many contacts are looked for at the end of the free motion, and again in each sweep."""
+"""How many contacts are held off together with the one of the impact."""
 
 _ROUNDS = 12
 """Rounds of Gauss-Seidel among the contacts that are held off together."""
@@ -122,33 +122,45 @@ class Touch(eqx.Module):
 
 
 def meet_limbs_with_stick(
-    world: World, before: Pose, free: Rod, dt: Scalar, one: Scalar
-) -> tuple[Rod, Scalar]:
+    world: World, before: Pose, angle: Scalar, free: Rod, dt: Scalar, one: Scalar
+) -> tuple[Rod, Scalar, Flag]:
     """The impact with the deepest contact, then rest and sliding on all that it touches.
 
     Arguments:
         world: with a stick for its body.
-        before: the stick at the start of the step, where it cuts nothing.
+        before, angle: the stick at the start of the step, where it cuts nothing.
         free: at the end of its free motion.
 
     Returns:
-        The stick at the end of the step, and how deep it then is in its skin anywhere. Less than
-        the skin: it cuts no limb, and no point of either is on another side than before.
+        The stick at the end of the step, how deep it then is in its skin anywhere, and whether the
+        step had to be undone. The depth is less than the skin: the stick cuts no limb, and no point
+        of either is on another side than before.
     """
     assert isinstance(world.body, Stick)
     law, body = world.law, world.body
-    met = _deepest(_TOGETHER, world, before, free.pose(one), one)
-    moved = impact(law, body, met[0], free, dt, one)
+    (met,) = _deepest(1, world, before, free.pose(one), one)
+    moved = impact(law, body, met, free, dt, one)
 
     def sweep(_: int, moved: Rod) -> Rod:
-        # What the free motion met stays among them, even where one contact has been run into so
-        # far that the point of another is beside its segment meanwhile.
-        touches = [*met, *_deepest(_TOGETHER, world, before, moved.pose(one), one)]
+        # The impact's contact stays among them, even where another one has been run into so far
+        # that the point is beside its segment meanwhile.
+        touches = [met, *_deepest(_TOGETHER, world, before, moved.pose(one), one)]
         return hold_off(law, body, touches, moved, dt, one)
 
     moved = jax.lax.fori_loop(0, _SWEEPS, sweep, moved)
-    left = [jax.lax.stop_gradient(depth) for depth in depths(world, before, moved.pose(one))]
-    return moved, functools.reduce(jnp.maximum, left)
+    deepest = functools.reduce(
+        jnp.maximum,
+        [jax.lax.stop_gradient(depth) for depth in depths(world, before, moved.pose(one))],
+    )
+    # Several impacts at once in a narrow corner may be too much for the sweeps. Then the stick
+    # stays where it was, where it cuts nothing, with the velocity that they have given it.
+    undone = deepest >= body.skin
+    end = moved.centre
+    centre = Motion(
+        where(undone, before.centre, end.position), end.velocity, end.acceleration, end.carry
+    )
+    angle = jnp.where(undone, angle, moved.angle)
+    return Rod(centre, angle, moved.spin), jnp.where(undone, 0.0, deepest), undone
 
 
 def impact(law: ContactLaw, body: Stick, touch: Touch, end: Rod, dt: Scalar, one: Scalar) -> Rod:
