@@ -19,10 +19,12 @@ from pcjax.claims import FIGURES_NEEDED, judge_claims
 from pcjax.compilation_cache import use_compilation_cache
 from pcjax.evaluate import ENGINES, evaluate
 from pcjax.figures import curve, run_figure, score_curve
-from pcjax.model.body import Circle
+from pcjax.model.arm import PlanarArm
+from pcjax.model.body import Body, Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
-from pcjax.model.hand import box_hand
+from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
+from pcjax.model.scenario import Drive
 from pcjax.results import NAMES, package_version, save_dataset
 
 _PICTURES = (".png", ".svg", ".pdf", ".jpg", ".webp")
@@ -89,7 +91,7 @@ def _parse(argv: list[str]) -> argparse.Namespace:
     each = {
         "evaluate": (_add_evaluate, "evaluate one hand: DoEs, EoEn and the score"),
         "figure": (_add_figure, "redo one of the paper's figures"),
-        "claims": (_add_claims, "check the paper's claims about Figs. 9-12"),
+        "claims": (_add_claims, "check the paper's claims"),
     }
     subparsers = {}
     for name, (add, text) in each.items():
@@ -139,7 +141,13 @@ def _add_run(parser: argparse.ArgumentParser, trials: int, precision: int = 32) 
     """Flags that all commands which simulate share."""
     add = parser.add_argument
     add("--trials", type=_whole, default=trials, help="trials for each condition")
-    add("--max-steps", type=_whole, default=paper.WRIST_MAX_STEPS, help="limit, steps of 0.001 s")
+    add(
+        "--max-steps",
+        type=_whole,
+        default=None,
+        help="limit, steps of 0.001 s (default: the paper's: 600,000 on the wrist, 300,000 on the "
+        "arm, 180,000 for a stick)",
+    )
     add("--seed", type=_whole, default=0, help="trial i depends on (seed, i) alone")
     add("--engine", choices=ENGINES, default="auto", help="how trials are run")
     add(
@@ -159,38 +167,66 @@ def _run_settings(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def _add_evaluate(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("--scenario", choices=("wrist",), default="wrist", help="what moves the hand")
-    add("--body", choices=("circle",), default="circle", help="the object")
-    add("--direction", choices=("does", "eoen", "both"), default="both", help="what to evaluate")
+    add("--scenario", choices=("wrist", "arm"), default="wrist", help="what moves the hand")
+    add("--body", choices=("circle", "stick"), default="circle", help="the object")
+    add(
+        "--direction",
+        choices=("does", "eoen", "both"),
+        default=None,
+        help="what to evaluate (default: both on the wrist, does on the arm)",
+    )
     add(
         "--fingertip-angle",
         type=_number,
-        default=paper.BEST_ANGLE_DEG,
+        default=None,
         metavar="DEG",
-        help="theta_g, degrees",
+        help=f"theta_g, degrees, of the wrist's box hand (default: {paper.BEST_ANGLE_DEG:g})",
     )
-    unit = paper.WRIST_PALM_LENGTH
-    add("--palm-length", type=_number, default=unit, metavar="L", help="L_p, model units")
+    first, second = paper.ARM_JOINT_ANGLES_DEG
+    add(
+        "--joint-angles",
+        type=_number,
+        nargs=2,
+        default=None,
+        metavar=("A", "B"),
+        help=f"theta_i1 and theta_i2, degrees, of the arm's hand (default: {first:g} {second:g})",
+    )
+    add(
+        "--palm-length",
+        type=_number,
+        default=None,
+        metavar="L",
+        help=f"L_p, model units (default: {paper.WRIST_PALM_LENGTH:g} on the wrist, "
+        f"{paper.ARM_PALM_LENGTH:g} on the arm)",
+    )
     add(
         "--fingertip-length",
         type=_number,
         default=None,
         metavar="L",
-        help="L_g, model units (default: 0.2 L_p)",
+        help="L_g, model units, of the wrist's box hand (default: 0.2 L_p)",
     )
     add(
         "--gap-width",
         type=_number,
         default=None,
         metavar="W",
-        help="W_g, model units (default: 0.4 L_p)",
+        help="W_g, model units, of the wrist's box hand (default: 0.4 L_p)",
     )
     add(
         "--radius",
         type=_number,
         default=None,
         metavar="R",
-        help="r_o, model units (default: 0.05 L_p)",
+        help="r_o, a circle's radius or a stick's half length, model units (default: 0.05 L_p on "
+        f"the wrist, {paper.ARM_RADIUS:g} on the arm)",
+    )
+    add(
+        "--orientation",
+        type=_number,
+        default=None,
+        metavar="DEG",
+        help="a stick's angle from the palm at the start, degrees (default: 0)",
     )
     add("--restitution", type=_number, default=paper.RESTITUTION, metavar="E", help="e_r")
     add("--gravity", type=_number, default=paper.GRAVITY, metavar="G", help="g")
@@ -204,18 +240,12 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
 def _evaluate(arguments: argparse.Namespace) -> None:
     _check_picture(arguments.plot)
     _check_writable(arguments.out)
-    hand = box_hand(
-        math.radians(arguments.fingertip_angle),
-        palm_length=arguments.palm_length,
-        gap_width=arguments.gap_width,
-        fingertip_length=arguments.fingertip_length,
-    )
-    radius = 0.05 * arguments.palm_length if arguments.radius is None else arguments.radius
+    hand, body, drive = _condition(arguments)
     result = evaluate(
         hand,
-        Circle(radius),
+        body,
         direction=arguments.direction,
-        drive=WristTilt(gravity=arguments.gravity),
+        drive=drive,
         law=ContactLaw(restitution=arguments.restitution),
         **_run_settings(arguments),
     )
@@ -226,13 +256,55 @@ def _evaluate(arguments: argparse.Namespace) -> None:
     print(json.dumps(result.as_json()) if arguments.json else result)
 
 
+def _condition(arguments: argparse.Namespace) -> tuple[HandDesign, Body, Drive]:
+    """Hand, object and drive from the flags; those that do not apply are refused."""
+    arm, stick = arguments.scenario == "arm", arguments.body == "stick"
+    for flag, applies, why in (
+        ("fingertip_angle", not arm, "the arm's two-joint hand has --joint-angles"),
+        ("fingertip_length", not arm, "it belongs to the wrist's box hand"),
+        ("gap_width", not arm, "it belongs to the wrist's box hand"),
+        ("joint_angles", arm, "the wrist's box hand has --fingertip-angle"),
+        ("orientation", stick, "a circle has none; --body stick has"),
+    ):
+        if getattr(arguments, flag) is not None and not applies:
+            name = "--" + flag.replace("_", "-")
+            where = f"--body {arguments.body}" if flag == "orientation" else "--scenario "
+            where += "" if flag == "orientation" else arguments.scenario
+            raise ValueError(f"{name} does not apply to {where}: {why}")
+    if arm:
+        angles = arguments.joint_angles or paper.ARM_JOINT_ANGLES_DEG
+        hand = two_joint_hand(
+            *(math.radians(angle) for angle in angles),
+            palm_length=_given(arguments.palm_length, paper.ARM_PALM_LENGTH),
+            lengths=paper.ARM_FINGER,
+        )
+        drive, radius = PlanarArm(gravity=arguments.gravity), paper.ARM_RADIUS
+    else:
+        length = _given(arguments.palm_length, paper.WRIST_PALM_LENGTH)
+        hand = box_hand(
+            math.radians(_given(arguments.fingertip_angle, paper.BEST_ANGLE_DEG)),
+            palm_length=length,
+            gap_width=arguments.gap_width,
+            fingertip_length=arguments.fingertip_length,
+        )
+        drive, radius = WristTilt(gravity=arguments.gravity), 0.05 * length
+    radius = _given(arguments.radius, radius)
+    if stick:
+        return hand, Stick(radius, math.radians(_given(arguments.orientation, 0.0))), drive
+    return hand, Circle(radius), drive
+
+
+def _given(value: float | None, default: float) -> float:
+    return default if value is None else value
+
+
 def _add_figure(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add(
         "figure",
-        choices=tuple(paper.FIGURES),
+        choices=paper.FIGURE_NAMES,
         metavar="figure",
-        help=f"one of {', '.join(paper.FIGURES)}",
+        help=f"one of {', '.join(paper.FIGURE_NAMES)}",
     )
     _add_run(parser, trials=paper.TRIALS)
     add(
@@ -260,6 +332,8 @@ def _figure(arguments: argparse.Namespace) -> None:
 
 def figure_table(data: xr.Dataset) -> str:
     """A figure's numbers as text: one line per angle, one column per curve."""
+    if data.attrs["figure"] not in paper.FIGURES:
+        return _arm_table(data)
     settings = paper.FIGURES[str(data.attrs["figure"])]
     columns, curves = [], []
     for gap_width in settings.gap_widths:
@@ -282,6 +356,30 @@ def figure_table(data: xr.Dataset) -> str:
     return "\n".join(lines)
 
 
+def _arm_table(data: xr.Dataset) -> str:
+    """The numbers of a figure of the arm: one line per condition."""
+    names = {"theta_1": "theta_i1", "theta_2": "theta_i2", "orientation": "orientation"}
+    names |= {"width": "width", "index1": "index 1", "index2": "index 2", "invalid": "invalid"}
+    lines = ["  ".join(f"{name:>16}" for name in names.values())]
+    for k in range(data.sizes["condition"]):
+        one = data.isel(condition=k)
+        se = [math.sqrt(max(float(one.covariance[i, i, k]), 0.0)) for i in (0, 1)]
+        cells = [f"{float(one[name]):g}" for name in ("theta_1", "theta_2", "orientation")]
+        cells += [f"{float(one.width):.1f}", f"{float(one.index1):,.0f} ± {se[0]:,.0f}"]
+        cells += [f"{float(one.index2):.4f} ± {se[1]:.4f}"]
+        cells += [f"{int(one['count'].sel(status='invalid'))}"]
+        lines.append("  ".join(f"{cell:>16}" for cell in cells))
+    if "penetration" in data:
+        lines.append(
+            f"stick: worst penetration {float(data.penetration.max()):.2g} of a skin of "
+            f"{float(data.attrs['skin']):.2g}, farthest travel in a step "
+            f"{float(data.travel.max()):.3g}, {int(data.undone.sum())} steps undone, "
+            f"{int(data['count'].sel(status='invalid').sum())} "
+            "trials went wrong"
+        )
+    return "\n".join(lines)
+
+
 def _add_claims(parser: argparse.ArgumentParser) -> None:
     _add_run(parser, trials=1000)
     parser.add_argument(
@@ -289,7 +387,7 @@ def _add_claims(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=None,
         metavar="DIR",
-        help="judge kept data (fig9a.nc, fig9b.nc, fig12.nc) instead of running anew",
+        help="judge kept data (fig9a.nc, fig9b.nc, ...) instead of running anew",
     )
     parser.set_defaults(run=_claims)
 

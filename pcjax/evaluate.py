@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,18 +11,19 @@ import jax
 import numpy as np
 import xarray as xr
 
+from pcjax import paper
 from pcjax.checks import check_count
 from pcjax.engines.ensemble import LIMIT, STATUS_NAMES, Outcomes, run
 from pcjax.engines.event import EventDriven
 from pcjax.engines.lanes import Engine
 from pcjax.engines.stepping import SHORTEST_STEP, Stepping
-from pcjax.model.body import Circle
+from pcjax.model.body import Body, Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
-from pcjax.model.hand import HandDesign, box_hand
-from pcjax.model.scenario import Scenario, check_geometry, does, eoen
+from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
+from pcjax.model.scenario import Drive, Scenario, check_geometry, does, eoen
 from pcjax.physics.step import INVALID, PAPER_DT
-from pcjax.results import Evaluation, parameters, provenance
+from pcjax.results import WATCHED, Evaluation, parameters, provenance
 
 ENGINES = ("auto", "event", "stepping")
 
@@ -34,6 +34,11 @@ _LARGEST_AUTO_STEP = 0.04
 
 _LEAST_CLEARANCE = 1e-4
 """Difference between gap and object, in diameters, that the event-driven engine needs."""
+_LARGEST_ARM_STEP = 0.02
+"""Seconds, for a circle in a hand that an arm carries about."""
+
+_LARGEST_STICK_STEP = 0.01
+"""Seconds, for a stick."""
 
 _AUTO_TRAVEL = 0.5
 """Share of the radius that a step may cover at the speed of a fall through the whole hand."""
@@ -42,7 +47,8 @@ _AUTO_TRAVEL = 0.5
 def choose_engine(name: str, dt: float | None, scenario: Scenario) -> Engine:
     """The engine for a name: "event", "stepping" (at `dt`, the paper's 0.001 s unless given), or
     "auto": the event-driven one where it applies and no `dt` is asked for, else stepping, as far at
-    a time as accuracy allows (0.04 s, or less for small, fast objects).
+    a time as accuracy allows (0.04 s, on the arm 0.02 s, for a stick 0.01 s, or less for small,
+    fast objects).
 
     Raises:
         ValueError: an unknown name, or an event-driven engine that does not apply.
@@ -67,6 +73,8 @@ def choose_engine(name: str, dt: float | None, scenario: Scenario) -> Engine:
 
 def _obstacle_to_events(scenario: Scenario) -> str | None:
     """Why the event-driven engine does not apply to a scenario, if so."""
+    if not (isinstance(scenario.drive, WristTilt) and isinstance(scenario.body, Circle)):
+        return "it knows a circle in a hand that a wrist tilts; take engine 'stepping'"
     if scenario.law.smoothing is not None:
         return "it knows hard contact only, and this one is smoothed; take engine 'stepping'"
     diameter = 2 * float(scenario.body.radius)
@@ -84,27 +92,36 @@ def safe_step(scenario: Scenario) -> float:
     """A step in which a fall through the whole hand covers a modest share of the radius."""
     hand, drive = scenario.hand, scenario.drive
     reach = float(hand.palm_length) + max(float(sum(ls)) for ls in hand.lengths)
-    pull = float(drive.gravity) * math.sqrt(2.0) * math.sin(float(drive.amplitude))
-    speed = math.sqrt(2.0 * pull * reach)
+    speed = drive.top_speed(reach)
     radius = float(scenario.body.radius)
     if _AUTO_TRAVEL * radius < SHORTEST_STEP * speed:
         raise ValueError(
             f"the radius {radius:g} is too small for a hand of {reach:g} under gravity: the object "
             f"would need steps below {SHORTEST_STEP:g} s"
         )
-    return min(_LARGEST_AUTO_STEP, _AUTO_TRAVEL * radius / max(speed, 1e-9))
+    largest = _LARGEST_AUTO_STEP if isinstance(drive, WristTilt) else _LARGEST_ARM_STEP
+    if isinstance(scenario.body, Stick):
+        largest = _LARGEST_STICK_STEP
+    return min(largest, _AUTO_TRAVEL * radius / max(speed, 1e-9))
+
+
+def default_max_steps(body: Body, drive: Drive) -> int:
+    """The paper's limit of steps for an object and a drive."""
+    if isinstance(body, Stick):
+        return paper.STICK_MAX_STEPS
+    return paper.WRIST_MAX_STEPS if isinstance(drive, WristTilt) else paper.ARM_MAX_STEPS
 
 
 def evaluate(
     hand: HandDesign | None = None,
-    body: Circle | None = None,
+    body: Body | None = None,
     *,
-    direction: str = "both",
-    drive: WristTilt | None = None,
+    direction: str | None = None,
+    drive: Drive | None = None,
     law: ContactLaw | None = None,
     start_spread: float = 0.1,
     trials: int = 5000,
-    max_steps: int = 600_000,
+    max_steps: int | None = None,
     seed: int = 0,
     engine: str = "auto",
     dt: float | None = None,
@@ -114,15 +131,17 @@ def evaluate(
     """Evaluates how well a hand cages an object without closing on it (Sec. 3.1).
 
     Arguments:
-        hand: the design; the paper's box hand at theta_g = 10 deg unless given.
-        body: the object; a circle of radius 0.05 L_p unless given.
+        hand: the design; unless given, the paper's box hand at theta_g = 10 deg on the wrist and
+            its two-joint hand at 65 and 90 deg on the arm.
+        body: the object; a circle of radius 0.05 L_p on the wrist and 50 on the arm unless given.
         direction: "does" (difficulty of escaping), "eoen" (ease of entering) or "both", which also
-            gives the score.
+            gives the score; unless given, both for a hand that has both.
         drive: what moves the hand; the paper's wrist unless given.
         law: contact law; the paper's unless given.
         start_spread: spread of the starts near the palm's ends, in palm lengths.
         trials: trials for each direction.
-        max_steps: limit in the paper's steps of 0.001 s.
+        max_steps: limit in the paper's steps of 0.001 s; the paper's unless given: 600,000 for a
+            circle on the wrist, 300,000 on the arm, 180,000 for a stick.
         seed: trial i is the same experiment for every hand evaluated with the same seed.
         engine: "auto", "event" or "stepping" (see `choose_engine`).
         dt: the solver's step in seconds, for stepping; chosen by the engine unless given.
@@ -133,8 +152,8 @@ def evaluate(
         An `Evaluation`; print it for a table.
 
     Raises:
-        ValueError: a number or name out of range, limbs that cross, or a circle that does not fit
-            at its start.
+        ValueError: a number or name out of range, limbs that cross, an object that does not fit
+            at its start, or EoEn of a hand that has none.
 
     Example:
         >>> import pcjax
@@ -142,8 +161,15 @@ def evaluate(
         >>> result.score()["index1"].value > 1
         True
     """
-    hand = box_hand() if hand is None else hand
-    body = Circle(0.05 * hand.palm_length) if body is None else body
+    drive = WristTilt() if drive is None else drive
+    wrist = isinstance(drive, WristTilt)
+    if hand is None:
+        hand = box_hand() if wrist else two_joint_hand()
+    if body is None:
+        body = Circle(0.05 * hand.palm_length if wrist else paper.ARM_RADIUS)
+    if direction is None:
+        direction = "both" if hand.can_turn_fingertips() else "does"
+    max_steps = default_max_steps(body, drive) if max_steps is None else max_steps
     if direction not in (*DIRECTIONS, "both"):
         raise ValueError(f"direction is {direction!r}: it has to be 'does', 'eoen' or 'both'")
     scenarios = {
@@ -227,8 +253,17 @@ def evaluate_grid(
     blocks = covariance.reshape(2, c, 2, c).transpose(0, 2, 1, 3)
     counts = np.stack([(outcomes.status == code).sum(axis=1) for code in STATUS_NAMES], axis=1)
     names = ["index1", "index2"]
+    watched = {}
+    if outcomes.watch is not None:
+        worst = outcomes.watch.max(axis=1).astype(float)
+        worst[:, 2] = outcomes.watch[..., 2].sum(axis=1)
+        watched = {
+            name: ("condition", worst[:, k], attrs)
+            for k, (name, attrs) in enumerate(WATCHED.items())
+        }
     return xr.Dataset(
-        {
+        watched
+        | {
             "index1": ("condition", means[:c], {"units": f"steps of {PAPER_DT} s"}),
             "index2": ("condition", means[c:], {"units": "1"}),
             "covariance": (
@@ -238,6 +273,11 @@ def evaluate_grid(
             ),
             "count": (("condition", "status"), counts),
             "gap": ("condition", gaps, {"units": "model length"}),
+            "object_width": (
+                "condition",
+                [float(s.body.width) for s in scenarios],
+                {"units": "model length", "long_name": "the narrowest gap the object fits through"},
+            ),
             "dt": (
                 "condition",
                 [e.step_taken(s.drive.period) for e, s in zip(chosen, scenarios, strict=True)],
@@ -272,9 +312,14 @@ def _run_each(
     scenarios: Sequence[Scenario], engines: Sequence[Engine], **settings: Any
 ) -> Outcomes:
     """The outcomes of each scenario by its own engine; those with equal engines share a batch."""
-    outcomes = Outcomes.blank(len(scenarios), settings["trials"], settings["max_steps"])
+    watched = isinstance(scenarios[0].body, Stick)
+    outcomes = Outcomes.blank(
+        len(scenarios), settings["trials"], settings["max_steps"], watched=watched
+    )
     for engine in dict.fromkeys(engines):
         chosen = [k for k, other in enumerate(engines) if other == engine]
         part = run([scenarios[k] for k in chosen], engine=engine, **settings)
         outcomes.steps[chosen], outcomes.status[chosen] = part.steps, part.status
+        if outcomes.watch is not None:
+            outcomes.watch[chosen] = part.watch
     return outcomes

@@ -13,22 +13,28 @@ from jaxtyping import Bool, Float
 
 from pcjax import paper
 from pcjax.evaluate import DIRECTIONS, evaluate_grid
-from pcjax.model.body import Circle
-from pcjax.model.hand import box_hand, full_cage
+from pcjax.model.arm import PlanarArm
+from pcjax.model.body import Circle, Stick
+from pcjax.model.hand import box_hand, full_cage, two_joint_hand
+from pcjax.model.scenario import does
 
 
 def run_figure(name: str, **run: Any) -> xr.Dataset:
     """Evaluates all conditions of a figure in one batch.
 
     Arguments:
-        name: a key of `pcjax.paper.FIGURES`.
-        run: `trials`, `max_steps` and others of `pcjax.evaluate.evaluate_grid`.
+        name: one of `pcjax.paper.FIGURE_NAMES`.
+        run: `trials`, `max_steps` (the paper's unless given) and others of
+            `pcjax.evaluate.evaluate_grid`.
 
     Raises:
         ValueError: an unknown figure, or a number out of range.
     """
+    if name not in paper.FIGURE_NAMES:
+        raise ValueError(f"figure is {name!r}: it has to be one of {', '.join(paper.FIGURE_NAMES)}")
+    run["max_steps"] = run.get("max_steps") or paper.max_steps(name)
     if name not in paper.FIGURES:
-        raise ValueError(f"figure is {name!r}: it has to be one of {', '.join(paper.FIGURES)}")
+        return _run_arm_figure(name, **run)
     figure, unit = paper.FIGURES[name], paper.WRIST_PALM_LENGTH
     rows, scenarios = [], []
     for gap_width in figure.gap_widths:
@@ -49,6 +55,47 @@ def run_figure(name: str, **run: Any) -> xr.Dataset:
     dataset.angle.attrs = {"units": "degrees", "long_name": "fingertip angle theta_g"}
     dataset.radius.attrs = dataset.gap_width.attrs = {"units": "palm lengths L_p"}
     dataset.attrs |= {"figure": name, "title": figure.title}
+    return dataset
+
+
+def _run_arm_figure(name: str, **run: Any) -> xr.Dataset:
+    parts = [paper.ARM_FIGURES[part] for part in ("13", "14") if name in (part, "15")]
+    parts = parts or [paper.ARM_FIGURES[name]]
+    stick = parts[0].body == "stick"
+    # Figs. 13 and 14 share a condition, which Fig. 15 shows once.
+    angles = dict.fromkeys(
+        (a, b, o)
+        for part in parts
+        for o in part.orientations_deg
+        for a in part.angles_1_deg
+        for b in part.angles_2_deg
+    )
+    scenarios = []
+    for first, second, orientation in angles:
+        hand = two_joint_hand(
+            math.radians(first),
+            math.radians(second),
+            palm_length=paper.ARM_PALM_LENGTH,
+            lengths=paper.ARM_FINGER,
+        )
+        body = Circle(paper.ARM_RADIUS)
+        if stick:
+            body = Stick(paper.ARM_RADIUS, math.radians(orientation))
+        scenarios.append(does(hand, body, PlanarArm(gravity=paper.GRAVITY)))
+    names = ("theta_1", "theta_2", "orientation")
+    coords: dict[str, Any] = dict(zip(names, zip(*angles, strict=True), strict=True))
+    tips = [[s.hand.finger(i)[-1].end.x for i in (0, 1)] for s in scenarios]
+    coords["width"] = [float(right - left) for left, right in tips]
+    coords["direction"] = ["does"] * len(scenarios)
+    coords["angle"] = coords["width" if name == "15" else parts[0].varies]
+    dataset = evaluate_grid(scenarios, coords, **run)
+    for key in ("theta_1", "theta_2", "orientation"):
+        dataset[key].attrs = {"units": "degrees"}
+    dataset.width.attrs = {"units": "model length", "long_name": "between the fingertips' ends"}
+    title = paper.FIG15_TITLE if name == "15" else parts[0].title
+    dataset.attrs |= {"figure": name, "title": title}
+    if stick:
+        dataset.attrs["skin"] = float(scenarios[0].body.skin)
     return dataset
 
 
@@ -108,8 +155,11 @@ def _places(dataset: xr.Dataset, direction: str, where: Mapping[str, float]) -> 
 
 
 def _passable(dataset: xr.Dataset, places: np.ndarray) -> np.ndarray:
-    diameter = 2 * dataset.radius.values[places] * paper.WRIST_PALM_LENGTH
-    return ~np.asarray(full_cage(dataset.gap.values[places], diameter))
+    if "object_width" in dataset:
+        width = dataset.object_width.values[places]
+    else:  # data kept by the first version, which had circles on the wrist only
+        width = 2 * dataset.radius.values[places] * paper.WRIST_PALM_LENGTH
+    return ~np.asarray(full_cage(dataset.gap.values[places], width))
 
 
 def curve(

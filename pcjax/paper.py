@@ -1,4 +1,4 @@
-"""Every number of the paper's Secs. 3.2 and 3.3, by name.
+"""Every number of the paper's Secs. 3.2, 3.3 and 3.6, by name.
 
 The figures' own grids of angles are not in the text; ours are listed here and marked as such.
 """
@@ -38,6 +38,19 @@ BEST_ANGLE_DEG = 10.0
 """theta_g at which the score is high for every radius, degrees (Sec. 3.4)."""
 CORRELATION = 0.984
 """Correlation of index 1 and index 2 in Fig. 9(a) (Sec. 3.3.2)."""
+
+ARM_PALM_LENGTH = 200.0
+"""L_p (Sec. 3.6.1)."""
+ARM_FINGER = (200.0, 100.0)
+"""L_i1, L_i2 (Sec. 3.6.1)."""
+ARM_RADIUS = 50.0
+"""r_o of the circle, and half length of the stick (Sec. 3.6.1)."""
+ARM_JOINT_ANGLES_DEG = (65.0, 90.0)
+"""theta_i1, theta_i2 where they are held fixed, degrees (Secs. 3.6.2 and 3.6.3)."""
+ARM_MAX_STEPS = 300_000
+"""Limit of steps for a circle (Sec. 3.6.1)."""
+STICK_MAX_STEPS = 180_000
+"""Limit of steps for a stick (Sec. 3.6.1)."""
 
 
 @dataclass(frozen=True)
@@ -99,3 +112,61 @@ FIGURES = {
     ),
 }
 """Settings of Figs. 9-12. The angles are our choice: they span what the text discusses."""
+
+
+@dataclass(frozen=True)
+class ArmFigure:
+    """The settings of one figure of the arm: angles in degrees."""
+
+    title: str
+    body: str
+    """"circle" or "stick"."""
+    angles_1_deg: tuple[float, ...]
+    """theta_i1."""
+    angles_2_deg: tuple[float, ...]
+    """theta_i2."""
+    orientations_deg: tuple[float, ...] = (0.0,)
+    """The stick's orientation at the start."""
+    varies: str = "theta_2"
+    """The angle along the horizontal axis, "theta_1" or "theta_2"."""
+
+
+_FIRST = tuple(float(angle) for angle in range(45, 81, 5))
+_SECOND = tuple(float(angle) for angle in range(60, 121, 10))
+
+ARM_FIGURES = {
+    "13": ArmFigure(
+        "Fig. 13: difficulty of escaping against theta_i1, theta_i2 = 90 deg",
+        "circle",
+        _FIRST,
+        (90.0,),
+        varies="theta_1",
+    ),
+    "14": ArmFigure(
+        "Fig. 14: difficulty of escaping against theta_i2, theta_i1 = 65 deg",
+        "circle",
+        (65.0,),
+        _SECOND,
+    ),
+    "17": ArmFigure(
+        "Fig. 17: difficulty of escaping for a stick, by its initial orientation",
+        "stick",
+        (65.0,),
+        _SECOND,
+        (0.0, 30.0, 60.0, 90.0),
+    ),
+}
+"""Settings of Figs. 13, 14 and 17. The angles are our choice within what the text says. Fig. 15
+shows the conditions of Figs. 13 and 14 against the width between the fingertips."""
+
+FIG15_TITLE = "Fig. 15: difficulty of escaping against the width between the fingertips"
+
+FIGURE_NAMES = (*FIGURES, "13", "14", "15", "17")
+"""The figures that can be redone."""
+
+
+def max_steps(name: str) -> int:
+    """The limit of steps in a figure."""
+    if name in FIGURES:
+        return WRIST_MAX_STEPS
+    return STICK_MAX_STEPS if name == "17" else ARM_MAX_STEPS

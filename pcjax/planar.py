@@ -7,13 +7,16 @@ and the elementwise arithmetic of a whole step fuses into few loops.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 Scalar = Float[Array, ""] | float
 Flag = Bool[Array, ""] | bool
+T = TypeVar("T")
 
 
 class Vec(eqx.Module):
@@ -52,6 +55,11 @@ def fence(value: Scalar, one: Scalar) -> Scalar:
     `one` has to be a run-time 1 (see `runtime_one`); dividing by it is exact.
     """
     return value / one
+
+
+def fence_all(tree: T, one: Scalar) -> T:
+    """`fence` for every number of a pytree."""
+    return jax.tree.map(lambda value: fence(value, one), tree)
 
 
 def runtime_one(count: Int[Array, ""], like: Scalar) -> Scalar:

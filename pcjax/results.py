@@ -19,6 +19,7 @@ import numpy as np
 import xarray as xr
 
 from pcjax.engines.ensemble import LIMIT, STATUS_NAMES, Outcomes
+from pcjax.model.body import Body, Stick
 from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario
 from pcjax.physics.step import INVALID, PAPER_DT
@@ -26,6 +27,22 @@ from pcjax.quality.indices import UNDEFINED, Estimate, index1, index2, ratio, su
 
 _CORNER = (0.9, 0.0, 0.0)
 """Draws of the start in the corner at the palm's right end."""
+
+WATCHED = {
+    "penetration": {
+        "units": "model length",
+        "long_name": "deepest that the stick was inside its skin at the end of a step",
+    },
+    "travel": {
+        "units": "model length",
+        "long_name": "farthest that a point of the stick went in a step, seen from the hand",
+    },
+    "undone": {
+        "units": "steps",
+        "long_name": "steps in which the stick had to stay where it was",
+    },
+}
+"""What is kept of each trial of a stick."""
 
 NAMES = {"does": "DoEs", "eoen": "EoEn"}
 """Directions: difficulty of escaping and ease of entering."""
@@ -94,6 +111,13 @@ def engines_text(names: str, dt: Any) -> str:
     return f"{names} engine (dt = {span} s)"
 
 
+def _stick_attributes(body: Body) -> dict[str, float]:
+    """What one has to know of a stick: its angle at the start and its skin."""
+    if not isinstance(body, Stick):
+        return {}
+    return {"orientation": float(body.orientation), "skin": float(body.skin)}
+
+
 class Evaluation:
     """How hard a hand is to escape (DoEs), how easy to enter (EoEn), and the score.
 
@@ -129,8 +153,15 @@ class Evaluation:
         passages = jax.device_get([s.hand.narrowest_passage() for s in scenarios.values()])
         gaps = [math.hypot(b.x - a.x, b.y - a.y) for a, b in passages]
         starts = jax.device_get([s.start(jnp.asarray(_CORNER)) for s in scenarios.values()])
+        watched = {}
+        if outcomes.watch is not None:
+            watched = {
+                name: (("direction", "trial"), outcomes.watch[..., k], attrs)
+                for k, (name, attrs) in enumerate(WATCHED.items())
+            }
         dataset = xr.Dataset(
-            {
+            watched
+            | {
                 "escape_step": (("direction", "trial"), outcomes.steps, steps),
                 "status": (("direction", "trial"), outcomes.status, flags),
                 "limbs": (("direction", "limb", "end"), np.array(limbs, float), length),
@@ -156,6 +187,10 @@ class Evaluation:
             | {
                 "max_steps": outcomes.max_steps,
                 "radius": float(first.body.radius),
+                "width": float(first.body.width),
+            }
+            | _stick_attributes(first.body)
+            | {
                 "parameters": json.dumps({k: parameters(s) for k, s in scenarios.items()}),
             },
         )
@@ -269,10 +304,25 @@ class Evaluation:
         """Steps, and the share of trials that has not passed by then (`survival_curve`)."""
         return survival_curve(*self._trials(direction, self._valid([direction])))
 
+    def stick(self, direction: str) -> dict[str, float] | None:
+        """The worst of all trials of a stick in one direction, None for a circle.
+
+        `penetration`, how deep it was inside its `skin` at the end of a step (less than the skin:
+        nothing was cut), and `travel`, the largest relative speed times the step. `undone` is how
+        many steps in all had to leave the stick where it was.
+        """
+        if "skin" not in self.dataset.attrs:
+            return None
+        data = self.dataset.sel(direction=direction)
+        worst = {name: float(data[name].max()) for name in WATCHED}
+        undone = int(data.undone.sum())
+        return worst | {"undone": undone, "skin": float(self.dataset.attrs["skin"])}
+
     def notes(self) -> list[str]:
         """What one should know before using the numbers; empty if all is well."""
         notes = []
-        diameter = 2 * float(self.dataset.attrs["radius"])
+        attrs = self.dataset.attrs
+        diameter = float(attrs.get("width", 2 * attrs["radius"]))
         for direction in self.directions:
             name, counts, n = NAMES[direction], self.status(direction), self.trials
             gap = float(self.dataset.gap.sel(direction=direction))
@@ -319,6 +369,9 @@ class Evaluation:
         }
         if len(self.directions) == 2:
             out["score"] = {name: plain(e) for name, e in self.score().items()}
+        sticks = {d: stick for d in self.directions if (stick := self.stick(d))}
+        if sticks:
+            out["stick"] = sticks
         attrs = self.dataset.attrs
         return out | {
             "trials": self.trials,
@@ -352,6 +405,14 @@ class Evaluation:
             f"float{attrs['precision']}, {attrs['wall_seconds']:.1f} s; "
             "value ± standard error [95 % interval]"
         )
+        for direction in self.directions:
+            if stick := self.stick(direction):
+                rows.append(
+                    f"stick, {NAMES[direction]}: worst penetration {stick['penetration']:.2g} of "
+                    f"a skin of {stick['skin']:.2g}, farthest travel in a step "
+                    f"{stick['travel']:.3g}, {stick['undone']} steps undone, "
+                    f"{self.status(direction)['invalid']} trials went wrong"
+                )
         return "\n".join(rows + [f"note: {note}" for note in self.notes()])
 
     def _valid(self, directions: list[str]) -> np.ndarray:

@@ -20,14 +20,15 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Int32, UInt8
+from jaxtyping import Float32, Int32, UInt8
 from tqdm import tqdm
 
 from pcjax.checks import check_count
 from pcjax.engines.draws import period_draws, start_draws, trial_key
-from pcjax.engines.lanes import Engine, Lanes
+from pcjax.engines.lanes import Engine, Lanes, with_states
+from pcjax.model.body import Stick
 from pcjax.model.scenario import Scenario
-from pcjax.physics.step import INVALID, PAPER_DT, PASSED, RUNNING
+from pcjax.physics.step import INVALID, PAPER_DT, PASSED, RUNNING, begin
 
 LIMIT = 3
 """Status of a trial that reached the step limit."""
@@ -57,15 +58,17 @@ class Outcomes:
         steps: the paper's step (of 0.001 s) in which the trial ended, at most `max_steps`.
         status: PASSED, LIMIT or INVALID (`STATUS_NAMES`).
         max_steps: the step limit.
+        watch: for sticks, what `Watch` keeps of each trial.
     """
 
     steps: Int32[np.ndarray, "conditions trials"]
     status: UInt8[np.ndarray, "conditions trials"]
     max_steps: int
+    watch: Float32[np.ndarray, "conditions trials 3"] | None = None
 
     @classmethod
-    def blank(cls, conditions: int, trials: int, max_steps: int) -> Outcomes:
-        """Outcomes to be filled in.
+    def blank(cls, conditions: int, trials: int, max_steps: int, watched: bool = False) -> Outcomes:
+        """Outcomes to be filled in, for sticks with a `watch`.
 
         Raises:
             ValueError: a count out of range.
@@ -73,7 +76,8 @@ class Outcomes:
         check_count("trials", trials, 1, 2**31 - 1)
         check_count("max_steps", max_steps, 1, 2**31 - 1)
         shape = conditions, trials
-        return cls(np.zeros(shape, np.int32), np.zeros(shape, np.uint8), max_steps)
+        watch = np.zeros((*shape, 3), np.float32) if watched else None
+        return cls(np.zeros(shape, np.int32), np.zeros(shape, np.uint8), max_steps, watch)
 
 
 def run(
@@ -105,14 +109,15 @@ def run(
     Raises:
         ValueError: a count out of range, or scenarios of unequal structure.
     """
-    outcomes = Outcomes.blank(len(scenarios), trials, max_steps)
+    stick = isinstance(scenarios[0].body, Stick)
+    outcomes = Outcomes.blank(len(scenarios), trials, max_steps, watched=stick)
     check_count("seed", seed, 0, 2**32 - 1)
     if precision not in (32, 64):
         raise ValueError(f"precision is {precision!r}: it has to be 32 or 64 (bits)")
     if len({jax.tree.structure(scenario) for scenario in scenarios}) != 1:
         raise ValueError(
             "the scenarios differ in structure: conditions that run together need the same "
-            "numbers of limbs, the same drive and the same kind of contact"
+            "numbers of limbs, the same drive, the same kind of object and the same kind of contact"
         )
     dtype = np.float32 if precision == 32 else np.float64
     stacked = jax.tree.map(lambda *leaves: np.asarray(leaves, dtype), *scenarios)
@@ -145,7 +150,8 @@ def run(
     ):
         ledger.on_end = bar.update
         jobs = [
-            pool.submit(_work, ledger, advance, block, dtype, precision, device) for device in crew
+            pool.submit(_work, ledger, advance, block, dtype, precision, device, 5 if stick else 0)
+            for device in crew
         ]
         try:
             done, _ = wait(jobs, return_when=FIRST_EXCEPTION)
@@ -234,6 +240,8 @@ class _Ledger:
         with self._lock:
             self._outcomes.status[where_to] = lanes.status[ended]
             self._outcomes.steps[where_to] = np.minimum(paper_steps[ended], self._max_steps)
+            if self._outcomes.watch is not None:
+                self._outcomes.watch[where_to] = lanes.more[ended, 2:]
             self.on_end(len(ended))
 
 
@@ -244,8 +252,9 @@ def _work(
     dtype: type,
     precision: int,
     device: Any,
+    more: int,
 ) -> None:
-    lanes = Lanes.idle(block, dtype)
+    lanes = Lanes.idle(block, dtype, more)
     ledger.enter()
     with jax.enable_x64(precision == 64), jax.default_device(device):
         while not ledger.stopped.is_set() and ledger.fill(lanes):
@@ -271,29 +280,26 @@ def _advance_block(
     scenarios = jax.tree.map(lambda leaf: leaf[lanes.condition], stacked)
     worlds = jax.vmap(lambda scenario: scenario.world())(scenarios)
 
-    def begin(scenario: Scenario, lane: Lanes) -> tuple[Lanes, Any]:
+    def next_period(scenario: Scenario, lane: Lanes) -> tuple[Lanes, Any]:
         drive = scenario.drive
         over = (lane.time >= drive.period) & (lane.period < last_period)
         over = over & (lane.status == RUNNING)
         period = lane.period + over
         key = trial_key(seed, lane.trial)
-        start = scenario.start(start_draws(key, scenario.draws_for_start))
         fresh = over & (period == 0)
+        first = with_states(lane, begin(scenario, start_draws(key, scenario.draws_for_start)))
+        lane = jax.tree.map(lambda new, old: jnp.where(fresh, new, old), first, lane)
         lane = lane._replace(
             period=period,
             time=jnp.where(over, 0.0, lane.time),
-            x=jnp.where(fresh, start.x, lane.x),
-            y=jnp.where(fresh, start.y, lane.y),
-            vx=jnp.where(fresh, 0.0, lane.vx),
-            vy=jnp.where(fresh, 0.0, lane.vy),
-            steps=jnp.where(fresh, 0, lane.steps),
+            status=jnp.where(over, RUNNING, lane.status),
         )
         before = period_draws(key, jnp.maximum(period - 1, 0), drive.targets_per_period)
         draws = period_draws(key, period, drive.targets_per_period)
         return lane, drive.swing(before, draws, period == 0)
 
     def round(_: Any, lanes: Lanes) -> Lanes:
-        lanes, swings = jax.vmap(begin)(scenarios, lanes)
+        lanes, swings = jax.vmap(next_period)(scenarios, lanes)
         return engine.run(worlds, swings, lanes)
 
     if engine.rounds == 1:

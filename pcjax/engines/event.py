@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Array, Int
 
 from pcjax.engines.lanes import Lanes
-from pcjax.model.drive import Swing
+from pcjax.model.drive import Swing, WristTilt
 from pcjax.model.scenario import World
 from pcjax.physics.collide import Contact, two_nearest
 from pcjax.physics.respond import least_push
@@ -86,10 +86,10 @@ class EventDriven:
 
     def run(self, worlds: World, swings: Swing, lanes: Lanes) -> Lanes:
         """Takes each trial `burst` leaps further, at most to the end of its period."""
+        drives = worlds.drive
+        assert isinstance(drives, WristTilt)
         each = jax.vmap(leap)
-        intervals = jax.vmap(lambda world: world.drive.steady_interval(DRIFT * world.body.radius))(
-            worlds
-        )
+        intervals = jax.vmap(WristTilt.steady_interval)(drives, DRIFT * worlds.body.radius)
 
         def one(flights: Flight, _: None) -> tuple[Flight, None]:
             return each(worlds, swings, intervals, flights), None
@@ -163,9 +163,10 @@ def leap(world: World, swing: Swing, interval: Scalar, flight: Flight) -> Flight
         interval: seconds for which gravity is taken as constant, from `WristTilt.steady_interval`.
         flight: the state before. It stays as it is if its trial or its period is over.
     """
-    radius = world.body.radius
+    radius, drive = world.body.radius, world.drive
+    assert isinstance(drive, WristTilt)
     one = runtime_one(flight.leaps, radius)
-    pull, change = world.drive.steady(swing, flight.time, interval)
+    pull, change = drive.steady(swing, flight.time, interval)
     contacts = two_nearest(world.limbs, flight.position, one)
     support = settle(world, contacts, flight, pull, one)
     left = change - flight.time
@@ -178,7 +179,7 @@ def leap(world: World, swing: Swing, interval: Scalar, flight: Flight) -> Flight
     overlap = radius - unit_and_length(contacts[0].offset)[1]
     sound = (overlap < _DEEPEST * radius) & (position.dot(position) < jnp.inf)
     verdict = jnp.where(sound, jnp.where(passed, PASSED, RUNNING), INVALID)
-    moves = (flight.status == RUNNING) & (flight.time < world.drive.period)
+    moves = (flight.status == RUNNING) & (flight.time < drive.period)
     return Flight(
         where(moves, position, flight.position),
         where(moves, velocity, flight.velocity),

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
-from pcjax.model.drive import Swing
 from pcjax.model.scenario import World
-from pcjax.physics.step import PASSED
+from pcjax.physics.step import PASSED, State, Watch
+from pcjax.planar import Vec
 
 
 class Lanes(NamedTuple):
@@ -22,6 +25,8 @@ class Lanes(NamedTuple):
         steps: steps or leaps that the engine has taken since the trial began.
         lag: seconds by which the trial passed before its last step's end.
         status: RUNNING, PASSED or INVALID.
+        more: for a stick, of shape (lanes, 5): angle, spin and what `Watch` keeps; for a circle
+            (lanes, 0).
     """
 
     condition: Any
@@ -35,14 +40,40 @@ class Lanes(NamedTuple):
     steps: Any
     lag: Any
     status: Any
+    more: Any
 
     @classmethod
-    def idle(cls, count: int, dtype: type) -> Lanes:
+    def idle(cls, count: int, dtype: type, more: int = 0) -> Lanes:
         """Lanes with nothing to do."""
         whole = ("condition", "trial", "period", "steps", "status")
         idle = cls(**{n: np.zeros(count, np.int32 if n in whole else dtype) for n in cls._fields})
         idle.status[:] = PASSED
-        return idle
+        return idle._replace(more=np.zeros((count, more), dtype))
+
+
+def states_of(lanes: Lanes) -> State:
+    """The states of lanes, at the start of a period."""
+    zero = jnp.zeros((), jnp.int32)
+    position, velocity = Vec(lanes.x, lanes.y), Vec(lanes.vx, lanes.vy)
+    states = State(position, velocity, zero, lanes.steps, lanes.status)
+    if lanes.more.shape[-1] == 0:
+        return states
+    angle, spin, *watch = (lanes.more[..., k] for k in range(5))
+    return replace(states, angle=angle, spin=spin, watch=Watch(*watch))
+
+
+def with_states(lanes: Lanes, states: State) -> Lanes:
+    """The lanes with those states in place of theirs."""
+    more = (states.angle, states.spin, states.watch)
+    return lanes._replace(
+        x=states.position.x,
+        y=states.position.y,
+        vx=states.velocity.x,
+        vy=states.velocity.y,
+        steps=states.steps,
+        status=states.status,
+        more=lanes.more if states.angle is None else jnp.stack(jax.tree.leaves(more), axis=-1),
+    )
 
 
 class Engine(Protocol):
@@ -62,7 +93,7 @@ class Engine(Protocol):
         """The step taken for periods of `period` seconds, s; NaN for one that takes no steps."""
         ...
 
-    def run(self, worlds: World, swings: Swing, lanes: Lanes) -> Lanes:
+    def run(self, worlds: World, swings: Any, lanes: Lanes) -> Lanes:
         """Takes lanes some way through their periods, at most to the end of them.
 
         Arguments:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -12,20 +13,16 @@ from jaxtyping import Array
 
 from pcjax.checks import check_between, check_positive
 from pcjax.engines.draws import period_draws, start_draws, trial_key
-from pcjax.engines.lanes import Lanes
-from pcjax.model.drive import Swing
+from pcjax.engines.lanes import Lanes, states_of, with_states
 from pcjax.model.scenario import Scenario, World
-from pcjax.physics.step import PAPER_DT, PASSED, RUNNING, State, advance, at_rest
-from pcjax.planar import Scalar, Vec
+from pcjax.physics.step import PAPER_DT, PASSED, RUNNING, State, advance, begin
+from pcjax.planar import Scalar
 
 _CHUNK = 50
 """Steps between two looks at whether anybody in the batch is still under way."""
 
 SHORTEST_STEP, LONGEST_STEP = 1e-6, 0.2
 """Bounds of the solver's step, s."""
-
-_LANES = State(Vec(0, 0), Vec(0, 0), None, 0, 0)  # type: ignore[arg-type]
-"""vmap axes of a batch of states: the clock is shared."""
 
 
 @dataclass(frozen=True)
@@ -60,15 +57,17 @@ class Stepping:
         """How long each trial has lasted, s."""
         return lanes.steps * self.step_taken(period) - lanes.lag
 
-    def run(self, worlds: World, swings: Swing, lanes: Lanes) -> Lanes:
+    def run(self, worlds: World, swings: Any, lanes: Lanes) -> Lanes:
         """Takes a batch of trials, each at its start, through one period of their drives."""
         period = worlds.drive.period
         chunks = self.steps_per_period(period) // _CHUNK
         dt = jnp.asarray(self.step_taken(period), jnp.result_type(worlds.body.radius))
+        states = states_of(lanes)
+        axes = lane_axes(states)
         step_all = jax.vmap(
             lambda world, swing, state: advance(world, swing, state, dt),
-            in_axes=(0, 0, _LANES),
-            out_axes=_LANES,
+            in_axes=(0, 0, axes),
+            out_axes=axes,
         )
 
         def chunk(carry: tuple[Array, State]) -> tuple[Array, State]:
@@ -85,25 +84,21 @@ class Stepping:
             return (count < chunks) & jnp.any(states.status == RUNNING)
 
         zero = jnp.zeros((), jnp.int32)
-        position, velocity = Vec(lanes.x, lanes.y), Vec(lanes.vx, lanes.vy)
-        start = State(position, velocity, zero, lanes.steps, lanes.status)
-        _, states = jax.lax.while_loop(unfinished, chunk, (zero, start))
-        return lanes._replace(
+        _, states = jax.lax.while_loop(unfinished, chunk, (zero, states))
+        return with_states(lanes, states)._replace(
             time=jnp.full_like(lanes.time, period),
-            x=states.position.x,
-            y=states.position.y,
-            vx=states.velocity.x,
-            vy=states.velocity.y,
-            steps=states.steps,
-            lag=jax.vmap(_lag, in_axes=(0, _LANES, None))(worlds, states, dt),
-            status=states.status,
+            lag=jax.vmap(_lag, in_axes=(0, axes, None))(worlds, states, dt),
         )
 
 
 def with_clock_at_zero(states: State) -> State:
     """The states at the start of a new period."""
-    zero = jnp.zeros((), jnp.int32)
-    return State(states.position, states.velocity, zero, states.steps, states.status)
+    return replace(states, clock=jnp.zeros((), jnp.int32))
+
+
+def lane_axes(states: State) -> State:
+    """The vmap axes of a batch of states: their clock is shared."""
+    return replace(jax.tree.map(lambda _: 0, states), clock=None)
 
 
 def _lag(world: World, state: State, dt: Scalar) -> Scalar:
@@ -154,7 +149,7 @@ def trajectory(
         )
         return (state, draws), states
 
-    start = at_rest(scenario.start(start_draws(key, scenario.draws_for_start)))
+    start = begin(scenario, start_draws(key, scenario.draws_for_start))
     blank = jnp.zeros(drive.targets_per_period)
     _, states = jax.lax.scan(period, (start, blank), jnp.arange(periods))
     return jax.tree.map(lambda leaf: leaf.reshape(-1), states)

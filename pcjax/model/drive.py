@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from pcjax.checks import check_between, check_finite, check_positive
+from pcjax.model.motion import Motion
 from pcjax.planar import Flag, Scalar, Vec, where
 
 
@@ -111,6 +112,25 @@ class WristTilt(eqx.Module):
         turning = time < self.ramp_time * (1 - 1e-6)
         pull = where(turning, self._gravity_during(swing, (number + 0.5) * interval), swing.held)
         return pull, jnp.where(turning, (number + 1.0) * interval, self.period)
+
+    def fly(self, swing: Swing, position: Vec, velocity: Vec, time: Scalar, dt: Scalar) -> Motion:
+        """Free motion (2) over the step from `time` to `time + dt` (s) of a period.
+
+        By the classical Runge-Kutta method, for a force that depends on time alone.
+        """
+        pull = self.pull(swing, time, dt)
+        mean = (pull.start + pull.middle * 4.0 + pull.end) * (1 / 6)
+        early = (pull.start + pull.middle * 2.0) * (1 / 3)
+        return Motion(
+            position + (velocity + early * (0.5 * dt)) * dt,
+            velocity + mean * dt,
+            mean,
+        )
+
+    def top_speed(self, reach: float) -> float:
+        """About the highest speed of an object in a hand of length `reach`, for plain numbers."""
+        pull = float(self.gravity) * math.sqrt(2.0) * math.sin(float(self.amplitude))
+        return math.sqrt(2.0 * pull * reach)
 
     def _tilt(self, draws: Float[Array, "2"]) -> Vec:
         return Vec(*(self.amplitude * (2.0 * draws[k] - 1.0) for k in (0, 1)))

@@ -135,6 +135,13 @@ class HandDesign(eqx.Module):
         ]
         return ("the palm", *fingers)
 
+    def can_turn_fingertips(self) -> bool:
+        """Whether turned fingertips leave a box: EoEn is defined for three limbs or more a finger.
+
+        With two they leave an open hand, which confines nothing.
+        """
+        return min(len(lengths) for lengths in self.lengths) > 2
+
     def with_fingertips_turned(self) -> HandDesign:
         """The hand for EoEn (Fig. 8(b)): each fingertip turned to its limb's other side."""
         turned = [(*angles[:-1], -angles[-1]) for angles in self.angles]
@@ -176,6 +183,30 @@ def box_hand(
     right = math.pi / 2
     angles = (right, right, right - fingertip_angle)  # (21)
     return HandDesign(palm_length, (lengths, lengths), (angles, angles))
+
+
+def two_joint_hand(
+    theta_1: Scalar = 13 / 36 * math.pi,
+    theta_2: Scalar = math.pi / 2,
+    *,
+    palm_length: Scalar = 200.0,
+    lengths: tuple[Scalar, Scalar] = (200.0, 100.0),
+) -> HandDesign:
+    """The hand of Sec. 3.6: two limbs on either side of the palm, both fingers alike.
+
+    Arguments:
+        theta_1: theta_11 = theta_21, between palm and first limbs, radians.
+        theta_2: theta_12 = theta_22, between first limbs and fingertips, radians.
+        palm_length: L_p.
+        lengths: L_i1 and L_i2.
+
+    Raises:
+        ValueError: a length that is not positive, or an angle that is not finite.
+    """
+    if len(lengths) != 2:
+        raise ValueError(f"lengths has {len(lengths)} values: a finger has two limbs")
+    finger, angles = (lengths[0], lengths[1]), (theta_1, theta_2)
+    return HandDesign(palm_length, (finger, finger), (angles, angles))
 
 
 def full_cage(gap: Any, diameter: Any) -> Any:

@@ -8,21 +8,29 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from pcjax.checks import check_between
-from pcjax.model.body import Circle
+from pcjax.model.arm import PlanarArm
+from pcjax.model.body import Body, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
 from pcjax.model.hand import Goal, HandDesign
 from pcjax.planar import Flag, Scalar, Segment, Vec
 
+Drive = WristTilt | PlanarArm
+"""What can move the hand."""
+
 
 class World(eqx.Module):
-    """What a step needs of a scenario, worked out once: limbs and goal in place of the design."""
+    """What a step needs of a scenario, worked out once: limbs and goal in place of the design.
+
+    Of the limbs after the palm the first `finger_1` are finger 1's.
+    """
 
     limbs: tuple[Segment, ...]
     goal: Goal
-    body: Circle
-    drive: WristTilt
+    body: Body
+    drive: Drive
     law: ContactLaw
+    finger_1: int = eqx.field(static=True)
 
 
 class Scenario(eqx.Module):
@@ -32,8 +40,8 @@ class Scenario(eqx.Module):
     """
 
     hand: HandDesign
-    body: Circle
-    drive: WristTilt
+    body: Body
+    drive: Drive
     law: ContactLaw
     start_spread: Scalar
 
@@ -42,8 +50,8 @@ class Scenario(eqx.Module):
     def __init__(
         self,
         hand: HandDesign,
-        body: Circle,
-        drive: WristTilt | None = None,
+        body: Body,
+        drive: Drive | None = None,
         law: ContactLaw | None = None,
         start_spread: Scalar = 0.1,
     ):
@@ -56,13 +64,21 @@ class Scenario(eqx.Module):
 
     def world(self) -> World:
         """Forward kinematics and goal line, for `pcjax.physics.step.advance`."""
-        return World(self.hand.limbs(), self.hand.goal(), self.body, self.drive, self.law)
+        return World(
+            self.hand.limbs(),
+            self.hand.goal(),
+            self.body,
+            self.drive,
+            self.law,
+            len(self.hand.lengths[0]),
+        )
 
     def start(self, draws: Float[Array, "3"]) -> Vec:
         """The object's first centre, "near either end of the palm", from draws uniform on [0, 1).
 
-        The circle touches the palm and its first limb at one of the two ends (even chance), plus
-        U(0, start_spread L_p) inwards along the palm and the same along the hand's axis.
+        A stick starts where the circle that it can turn in does. That circle touches the palm and
+        its first limb at one of the two ends (even chance), plus U(0, start_spread L_p) inwards
+        along the palm and the same along the hand's axis.
         """
         left = draws[0] < 0.5
         spread = self.start_spread * self.hand.palm_length
@@ -125,7 +141,7 @@ def check_geometry(scenario: Scenario) -> float:
     """Checks a scenario whose numbers are concrete and returns the hand's gap.
 
     Raises:
-        ValueError: limbs that cross each other or the palm, or a circle that does not fit at one
+        ValueError: limbs that cross each other or the palm, or an object that does not fit at one
             of its starts.
     """
     with jax.enable_x64(True):
@@ -136,18 +152,19 @@ def check_geometry(scenario: Scenario) -> float:
                 f"{b} crosses {a}: limbs may touch but not cross; shorten it or change its angle"
             )
     if clearance < -1e-9 * float(scenario.hand.palm_length):
+        shape = "stick of half length" if isinstance(scenario.body, Stick) else "circle of radius"
         raise ValueError(
-            f"the circle of radius {float(scenario.body.radius):g} does not fit at its start "
+            f"the {shape} {float(scenario.body.radius):g} does not fit at its start "
             f"near the palm's ends (it overlaps a limb by {-clearance:.3g}): "
-            "a smaller radius or a smaller start spread fits"
+            "a smaller one or a smaller start spread fits"
         )
     return float(gap)
 
 
 def does(
     hand: HandDesign,
-    body: Circle,
-    drive: WristTilt | None = None,
+    body: Body,
+    drive: Drive | None = None,
     law: ContactLaw | None = None,
     start_spread: Scalar = 0.1,
 ) -> Scenario:
@@ -157,13 +174,21 @@ def does(
 
 def eoen(
     hand: HandDesign,
-    body: Circle,
-    drive: WristTilt | None = None,
+    body: Body,
+    drive: Drive | None = None,
     law: ContactLaw | None = None,
     start_spread: Scalar = 0.1,
 ) -> Scenario:
     """Ease of entering (Fig. 8(b)): the object has to pass the fingertips from their back.
 
     It is outside but virtually confined: the same box, the fingertips turned to the other side.
+
+    Raises:
+        ValueError: a finger with fewer than three limbs, which leaves no box.
     """
+    if not hand.can_turn_fingertips():
+        raise ValueError(
+            "EoEn needs a hand with three limbs or more a finger: with two, turned fingertips "
+            "leave an open hand that confines nothing; evaluate with direction 'does'"
+        )
     return Scenario(hand.with_fingertips_turned(), body, drive, law, start_spread)

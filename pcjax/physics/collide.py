@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from pcjax.planar import Flag, Scalar, Segment, Vec, fence, unit_and_length, where
+from pcjax.planar import Flag, Scalar, Segment, T, Vec, fence, unit_and_length, where
 
 
 class Contact(eqx.Module):
@@ -60,8 +60,8 @@ def two_nearest(limbs: Sequence[Segment], centre: Vec, one: Scalar) -> tuple[Con
         first = jnp.minimum(first, key)
 
     def contact(key: Scalar) -> Contact:
-        tag = _bits(fence(key, one)) & ((1 << tag_bits) - 1)
-        limb = _pick(limbs, tag >> 1)
+        tag = bits(fence(key, one)) & ((1 << tag_bits) - 1)
+        limb = pick(limbs, tag >> 1)
         offset = limb.offset(centre)
         return Contact(Vec(fence(offset.x, one), fence(offset.y, one)), (tag & 1) != 0, limb)
 
@@ -80,17 +80,17 @@ def _key(limb: Segment, centre: Vec, number: int, tag_bits: int) -> Scalar:
     if number > 0:
         square = jnp.where(along < 0, 1e30, square)
     tag = jnp.where(beyond != 0, 2 * number + 1, 2 * number)
-    marked = (_bits(square) & ~((1 << tag_bits) - 1)) | tag.astype(_bits(square).dtype)
+    marked = (bits(square) & ~((1 << tag_bits) - 1)) | tag.astype(bits(square).dtype)
     return jax.lax.bitcast_convert_type(marked, square.dtype)
 
 
-def _bits(value: Scalar) -> Array:
+def bits(value: Scalar) -> Array:
     integer = {4: jnp.int32, 8: jnp.int64}[jnp.result_type(value).itemsize]
     return jax.lax.bitcast_convert_type(value, integer)
 
 
-def _pick(limbs: Sequence[Segment], number: Scalar) -> Segment:
-    """limbs[number] for a traced number, as selects."""
+def pick(items: Sequence[T], number: Scalar) -> T:
+    """items[number] for a traced number, as selects; the last one beyond the end."""
 
     def choose(*leaves: Scalar) -> Scalar:
         chosen = leaves[-1]
@@ -98,4 +98,4 @@ def _pick(limbs: Sequence[Segment], number: Scalar) -> Segment:
             chosen = jnp.where(number == k, leaf, chosen)
         return chosen
 
-    return jax.tree.map(choose, *limbs)
+    return jax.tree.map(choose, *items)

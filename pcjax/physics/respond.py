@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-import equinox as eqx
 import jax.numpy as jnp
 
 from pcjax.model.contact_law import ContactLaw
+from pcjax.model.motion import Motion
 from pcjax.physics.collide import Contact
 from pcjax.planar import Scalar, Vec, fence, safe_sqrt, unit_and_length
 
-_INACTIVE = -1e30
+INACTIVE = -1e30
 """A bound that never binds, for a contact that is off."""
-
-
-class Motion(eqx.Module):
-    """Position and velocity at the end of a step under one constant acceleration."""
-
-    position: Vec
-    velocity: Vec
-    acceleration: Vec
 
 
 def bounce(
@@ -31,35 +23,39 @@ def bounce(
     impulse (7) acts there, and what it changes of the velocity is carried on to the end of the
     step. On a straight limb under constant acceleration this is exact.
     """
+
+    def into(normal: Vec) -> tuple[Scalar, Scalar]:
+        return -end.relative().dot(normal), -end.acceleration.dot(normal)
+
     normal, distance = unit_and_length(contact.offset)
     penetration = radius - distance
-    since = fence(_time_since_contact(normal, penetration, end, dt), one)
+    since = fence(time_since_contact(*into(normal), penetration, dt), one)
     back = _way_back(end, since)
     normal, distance = contact.after(back)
     # How deep the end of the step lies below the tangent plane at the estimated impact.
     depth = radius - distance + normal.dot(back)
-    since = _time_since_contact(normal, depth, end, dt)
+    since = time_since_contact(*into(normal), depth, dt)
     since = fence(jnp.where(penetration > 0, since, 0.0), one)
     normal, _ = contact.after(_way_back(end, since))
-    approach = -(end.velocity - end.acceleration * since).dot(normal)  # (3): only if positive
+    approach = -(end.relative() - end.acceleration * since).dot(normal)  # (3): only if positive
     restitution = jnp.where(approach > law.resting_speed, law.restitution, 0.0)
     change = law.switch(penetration) * (1.0 + restitution) * jnp.maximum(approach, 0.0)  # (7)
-    kick = normal * fence(change, one)
-    return Motion(end.position + kick * since, end.velocity + kick, end.acceleration)
+    kick = end.turned(normal * fence(change, one), since)
+    return Motion(end.position + kick * since, end.velocity + kick, end.acceleration, end.carry)
 
 
 def _way_back(end: Motion, time: Scalar) -> Vec:
-    """From where the motion ends to where it was `time` seconds earlier."""
-    return (end.acceleration * (0.5 * time) - end.velocity) * time
+    """From where the motion ends to where it was `time` seconds earlier, as seen from the hand."""
+    return (end.acceleration * (0.5 * time) - end.relative()) * time
 
 
-def _time_since_contact(normal: Vec, penetration: Scalar, end: Motion, dt: Scalar) -> Scalar:
+def time_since_contact(
+    inwards: Scalar, pressing: Scalar, penetration: Scalar, dt: Scalar
+) -> Scalar:
     """Seconds before the end of the step at which a penetration began, in [0, dt].
 
     With speed u and acceleration a into the limb, penetration = u s - a s^2 / 2.
     """
-    inwards = -end.velocity.dot(normal)
-    pressing = -end.acceleration.dot(normal)
     denominator = inwards + safe_sqrt(inwards * inwards - 2.0 * pressing * penetration)
     entered = (penetration > 0) & (denominator > 0)
     since = 2.0 * penetration / jnp.where(entered, denominator, 1.0)
@@ -95,20 +91,21 @@ def hold_off(
     out = least_push(overlap, *(law.ramp(depth) for depth in depths))
     gates = [law.switch(depth) for depth in depths]
     needs = [
-        fence(jnp.where(gate > 0, _turn_back(law, normal, end, dt), _INACTIVE), one)
+        fence(jnp.where(gate > 0, _turn_back(law, normal, end, dt), INACTIVE), one)
         for gate, normal in zip(gates, normals, strict=True)
     ]
     turn = least_push(overlap, *needs)
     position, velocity = end.position, end.velocity
     for normal, gate, push, stop in zip(normals, gates, out, turn, strict=True):
         position = position + normal * fence(push, one)
-        velocity = velocity + normal * fence(gate * stop, one)
-    return Motion(position, velocity, end.acceleration)
+        # The limb has pressed all through the step, so on average half a step ago.
+        velocity = velocity + end.turned(normal * fence(gate * stop, one), 0.5 * dt)
+    return Motion(position, velocity, end.acceleration, end.carry)
 
 
 def _turn_back(law: ContactLaw, normal: Vec, end: Motion, dt: Scalar) -> Scalar:
     """The change of normal velocity (7) that a limb in contact asks for."""
-    approach = -end.velocity.dot(normal)
+    approach = -end.relative().dot(normal)
     resting = law.resting_speed + jnp.maximum(-end.acceleration.dot(normal), 0.0) * dt
     return approach * (1.0 + jnp.where(approach > resting, law.restitution, 0.0))
 

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-import equinox as eqx
-import jax.numpy as jnp
-from jaxtyping import Array, Int
+import math
+from dataclasses import replace
+from typing import Any
 
-from pcjax.model.drive import Pull, Swing
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from pcjax.model.body import Stick
+from pcjax.model.motion import Motion
 from pcjax.model.scenario import Scenario, World
 from pcjax.physics.collide import two_nearest
-from pcjax.physics.respond import Motion, bounce, hold_off
-from pcjax.planar import Scalar, Vec, runtime_one, where
+from pcjax.physics.respond import bounce, hold_off
+from pcjax.physics.stick import Rod, meet_limbs_with_stick
+from pcjax.planar import Flag, Scalar, Vec, runtime_one, unit_and_length, where
 
 RUNNING, PASSED, INVALID = 0, 1, 2
 """A trial's status: under way, through the goal, or gone wrong (see `State`)."""
@@ -19,16 +26,39 @@ PAPER_DT = 0.001
 """The paper's step in seconds; index 1 and all limits count these, whatever step is taken."""
 
 
+LONGEST_TRAVEL, LARGEST_TURN = 0.5, 0.3
+"""What one step of a stick may cover: share of the half length by any of its points, radians."""
+
+
+class Watch(eqx.Module):
+    """What a stick's trial has come to so far.
+
+    Attributes:
+        penetration: deepest it has been in its skin at the end of a step.
+        travel: the farthest any point of it went in a step, as seen from the hand.
+        undone: steps in which it stayed where it was (see `meet_limbs_with_stick`).
+    """
+
+    penetration: Scalar
+    travel: Scalar
+    undone: Scalar
+
+
 class State(eqx.Module):
     """Where a trial is.
 
     Attributes:
-        position: the circle's centre in the hand frame.
-        velocity: its velocity.
+        position: the object's centre in the hand frame.
+        velocity: its velocity as seen from the ground, in the hand's axes; once it has passed, as
+            seen from the hand, which tells when within the step it did.
         clock: steps taken in the current period of the drive.
         steps: steps taken since the trial began, the one that ended it included.
-        status: RUNNING, PASSED, or INVALID where the motion stopped being a finite number or
-            covered more than the circle's radius in one step, so that a limb could be stepped over.
+        status: RUNNING, PASSED, or INVALID where the motion stopped being a finite number or went
+            so far in one step that a limb could be stepped over: a circle by its radius; a stick by
+            `LONGEST_TRAVEL` or `LARGEST_TURN`.
+        angle: a stick's angle from the palm, radians; None for a circle, and so are the next two.
+        spin: its angular velocity as seen from the ground.
+        watch: see `Watch`.
     """
 
     position: Vec
@@ -36,15 +66,28 @@ class State(eqx.Module):
     clock: Int[Array, ""]
     steps: Int[Array, ""]
     status: Int[Array, ""]
+    angle: Scalar | None = None
+    spin: Scalar | None = None
+    watch: Watch | None = None
 
 
-def at_rest(position: Vec) -> State:
-    """The state at the start of a trial."""
+def at_rest(position: Vec, angle: Scalar | None = None) -> State:
+    """The state at the start of a trial; a stick also has an angle."""
     zero, count = 0.0 * position.x, jnp.zeros((), jnp.int32)
-    return State(position, Vec(zero, zero), count, count, count)
+    state = State(position, Vec(zero, zero), count, count, count)
+    if angle is None:
+        return state
+    return replace(state, angle=angle + zero, spin=zero, watch=Watch(zero, zero, zero))
 
 
-def step(scenario: Scenario, swing: Swing, state: State, dt: Scalar = PAPER_DT) -> State:
+def begin(scenario: Scenario, draws: Float[Array, "3"]) -> State:
+    """A trial's first state, from `scenario.draws_for_start` draws uniform on [0, 1)."""
+    body = scenario.body
+    angle = body.orientation if isinstance(body, Stick) else None
+    return at_rest(scenario.start(draws), angle)
+
+
+def step(scenario: Scenario, swing: Any, state: State, dt: Scalar = PAPER_DT) -> State:
     """The state one step of `dt` seconds later. A trial that has ended stays as it is.
 
     Arguments:
@@ -56,23 +99,17 @@ def step(scenario: Scenario, swing: Swing, state: State, dt: Scalar = PAPER_DT) 
     return advance(scenario.world(), swing, state, dt)
 
 
-def advance(world: World, swing: Swing, state: State, dt: Scalar) -> State:
+def advance(world: World, swing: Any, state: State, dt: Scalar) -> State:
     """`step` for a scenario whose kinematics have been worked out by `Scenario.world`."""
-    pull = world.drive.pull(swing, state.clock * dt, dt)
-    free = fly(state, pull, dt)
-    moved = meet_limbs(world, free, dt, runtime_one(state.clock, dt))
-    return judge(world, state, free, moved)
-
-
-def fly(state: State, pull: Pull, dt: Scalar) -> Motion:
-    """Free motion (2) by the classical Runge-Kutta method, for a force that depends on time."""
-    mean = (pull.start + pull.middle * 4.0 + pull.end) * (1 / 6)
-    early = (pull.start + pull.middle * 2.0) * (1 / 3)
-    return Motion(
-        state.position + (state.velocity + early * (0.5 * dt)) * dt,
-        state.velocity + mean * dt,
-        mean,
-    )
+    free = world.drive.fly(swing, state.position, state.velocity, state.clock * dt, dt)
+    one = runtime_one(state.clock, dt)
+    if isinstance(world.body, Stick):
+        return advance_stick(world, state, free, dt, one)
+    moved = meet_limbs(world, free, dt, one)
+    travel = free.position - state.position
+    # Written so that NaN fails it too.
+    safe = travel.dot(travel) < world.body.radius * world.body.radius
+    return judge(world, state, moved, safe)
 
 
 def meet_limbs(world: World, free: Motion, dt: Scalar, one: Scalar) -> Motion:
@@ -83,18 +120,60 @@ def meet_limbs(world: World, free: Motion, dt: Scalar, one: Scalar) -> Motion:
     return hold_off(world.law, contacts, radius, moved, moved.position - free.position, dt, one)
 
 
-def judge(world: World, state: State, free: Motion, moved: Motion) -> State:
-    """Goal test, the bound on one step's travel, and the freeze of trials that have ended."""
-    before, after = world.goal.beyond(state.position), world.goal.beyond(moved.position)
-    passed = (before < 0) & (after >= 0) & world.goal.between(moved.position)
-    travel = free.position - state.position
-    # Written so that NaN fails it too.
-    safe = travel.dot(travel) < world.body.radius * world.body.radius
+def advance_stick(world: World, state: State, free: Motion, dt: Scalar, one: Scalar) -> State:
+    """`advance` for a stick whose centre's free motion is known: its turning, and its contacts."""
+    assert isinstance(world.body, Stick)
+    assert state.angle is not None
+    assert state.spin is not None
+    assert state.watch is not None
+    half, skin = world.body.half_length, world.body.skin
+    # Nothing turns the stick between impacts; the hand turns steadily.
+    carried = 0.0 if free.carry is None else free.carry.spin
+    spin = state.spin - carried
+    turn = spin * dt
+    rod = Rod(free, state.angle + turn, spin)
+    before = Rod(replace(free, position=state.position), state.angle, spin).pose(one)
+    moved, penetration, undone = meet_limbs_with_stick(world, before, state.angle, rod, dt, one)
+    travel = unit_and_length(free.position - state.position)[1] + half * jnp.abs(turn)
+    travel = jax.lax.stop_gradient(travel)
+    safe = (penetration < skin) & (travel < LONGEST_TRAVEL * half) & (jnp.abs(turn) < LARGEST_TURN)
+    after = judge(world, state, moved.centre, safe)
     running = state.status == RUNNING
+    watch = state.watch
+    return replace(
+        after,
+        # Within half a turn, where it has all its digits.
+        angle=jnp.where(
+            running,
+            moved.angle - 2 * math.pi * jnp.round(moved.angle / (2 * math.pi)),
+            state.angle,
+        ),
+        spin=jnp.where(running, moved.spin + carried, state.spin),
+        watch=Watch(
+            jnp.where(running, jnp.maximum(watch.penetration, penetration), watch.penetration),
+            jnp.where(running, jnp.maximum(watch.travel, travel), watch.travel),
+            watch.undone + jnp.where(running & undone, 1.0, 0.0),
+        ),
+    )
+
+
+def judge(world: World, state: State, moved: Motion, safe: Flag) -> State:
+    """Goal test, the verdict on the step's safety, and the freeze of trials that have ended."""
+    before, after = world.goal.beyond(state.position), world.goal.beyond(moved.position)
+    # A circle keeps its radius from the line's ends, a stick's centre may cross right beside them.
+    across = moved.position
+    if isinstance(world.body, Stick):
+        share = before / jnp.where(after > before, before - after, -1.0)
+        across = state.position + (moved.position - state.position) * share
+    passed = (before < 0) & (after >= 0) & world.goal.between(across)
+    running = state.status == RUNNING
+    velocity = moved.velocity
+    if moved.carry is not None:
+        velocity = where(passed, moved.relative(), velocity)
     verdict = jnp.where(safe, jnp.where(passed, PASSED, RUNNING), INVALID)
     return State(
         where(running, moved.position, state.position),
-        where(running, moved.velocity, state.velocity),
+        where(running, velocity, state.velocity),
         state.clock + 1,
         state.steps + running,
         jnp.where(running, verdict, state.status),
