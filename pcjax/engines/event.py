@@ -228,13 +228,16 @@ def settle(
     # A limb's end on the surface of the flat side that the circle is on, such as a joint about to
     # be reached, is no contact of its own.
     ends = [_standing_out(contacts[k], contacts[1 - k], normals[1 - k]) <= near for k in (0, 1)]
-    stays = [stays[k] & ~(ends[k] & stays[1 - k]) for k in (0, 1)]
+    # Decided once: where the compiler works out a flag anew for each of its uses, rounding may
+    # turn it out differently, and a limb that exerts no force be taken for one that is slid on.
+    stays = [_decided(stays[k] & ~(ends[k] & stays[1 - k]), one) for k in (0, 1)]
     needs = []
     for contact, normal, stay in zip(contacts, normals, stays, strict=True):
         along = velocity.cross(normal)
         bend = jnp.where(contact.round, along * along / radius, 0.0)
         needs.append(fence(jnp.where(stay, -pull.dot(normal) - bend, _NO_NEED), one))
     forces = least_push(overlap, *needs)
+    forces = fence(forces[0], one), fence(forces[1], one)
     acceleration = _pushed(pull, normals, forces)
 
     pinned = (forces[0] > 0) & (forces[1] > 0)
@@ -267,6 +270,11 @@ def settle(
         carried,
         jnp.where(slides, until_end, NEVER),
     )
+
+
+def _decided(flag: Flag, one: Scalar) -> Flag:
+    """The flag, computed once."""
+    return fence(jnp.where(flag, one, 0.0 * one), one) > 0.5
 
 
 def _standing_out(end: Contact, side: Contact, normal: Vec) -> Scalar:

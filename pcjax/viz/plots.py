@@ -134,8 +134,8 @@ def plot_figure(dataset: xr.Dataset) -> Figure:
     axis.grid(alpha=0.3)
     attrs = dataset.attrs
     axis.set_title(
-        f"{settings.title}\n{attrs['trials']:,} trials, limit {attrs['max_steps']:,} steps, "
-        f"{engines_text(attrs['engine'], dataset.dt)}; 95 % bands, hollow: full cage",
+        f"{settings.title}\n{attrs['trials']:,} trials, limit {attrs['max_steps']:,} steps; "
+        f"{engines_text(attrs['engine'], dataset.dt)}\n95 % bands, hollow: full cage",
         fontsize=10,
     )
     return figure
