@@ -334,3 +334,32 @@ def test_push_out_alone_would_have_wrong_derivatives(monkeypatch: pytest.MonkeyP
     # one step more, so that the patched step is compiled and not found compiled
     pushed = jax.jacfwd(outcome)(*at, steps + 1)
     assert np.abs(pushed - difference).max() > 0.05 * scale
+
+
+def end_of(
+    scenario: Scenario, swing: Swing, begin: State, seconds: float, steps: int
+) -> np.ndarray:
+    path = roll(scenario, swing, begin, steps, seconds / steps)
+    assert np.all(np.asarray(path.status) == RUNNING)
+    return np.array([path.position.x[-1], path.position.y[-1]])
+
+
+def test_impacts_under_constant_gravity_do_not_depend_on_the_step() -> None:
+    # A circle hits the end of a fingertip off centre, flies on and meets it again.
+    scenario, begin = wrist(radius=20.0, angle=0.0, restitution=0.5), state(88, 330, 1, 9)
+    coarse, fine = (end_of(scenario, held(0.7, 3.0), begin, 6.0, n) for n in (80, 4000))
+    np.testing.assert_allclose(coarse, fine, atol=1e-9)
+
+
+def test_rolling_over_a_limbs_end_converges() -> None:
+    # From rest near the top of an upright fingertip's end. What holds the circle on the round end
+    # takes speed of first order in the step from it, so halving the step halves the error.
+    scenario = eoen(box_hand(0.0), Circle(30.0))
+    begin = state(100 + 30 * math.sin(0.05), 600 + 30 * math.cos(0.05))
+    truth = end_of(scenario, held(0.0, -50.0), begin, 2.0, 16_000)
+    errors = [
+        np.abs(end_of(scenario, held(0.0, -50.0), begin, 2.0, n) - truth).max()
+        for n in (50, 100, 200, 400)
+    ]
+    for coarse, fine in itertools.pairwise(errors):
+        assert coarse / fine == pytest.approx(2.0, abs=0.2)
