@@ -2,10 +2,11 @@
 
 from pcjax.engines.stepping import trajectory
 from pcjax.evaluate import evaluate
-from pcjax.model.body import Circle
+from pcjax.model.arm import PlanarArm
+from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
-from pcjax.model.hand import HandDesign, box_hand
+from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.step import State, step
 from pcjax.quality.indices import Estimate
@@ -17,8 +18,10 @@ __all__ = [
     "Estimate",
     "Evaluation",
     "HandDesign",
+    "PlanarArm",
     "Scenario",
     "State",
+    "Stick",
     "WristTilt",
     "box_hand",
     "does",
@@ -26,4 +29,5 @@ __all__ = [
     "evaluate",
     "step",
     "trajectory",
+    "two_joint_hand",
 ]

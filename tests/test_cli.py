@@ -257,6 +257,45 @@ def test_lengths_that_are_not_given_follow_the_palm(command: Command):
         )
 
 
+def test_the_arms_flags_reach_the_simulation(command: Command):
+    told = one_object(
+        command(
+            "evaluate --json --scenario arm --body stick --joint-angles 60 100 --orientation 30 "
+            "--radius 40 --gravity 9.7 --restitution 0.2 --trials 40 --max-steps 12_000 --dt 0.02"
+        )
+    )
+    by_hand = pcjax.evaluate(
+        pcjax.two_joint_hand(math.radians(60), math.radians(100)),
+        pcjax.Stick(40.0, math.radians(30)),
+        drive=pcjax.PlanarArm(gravity=9.7),
+        law=pcjax.ContactLaw(restitution=0.2),
+        trials=40,
+        max_steps=12_000,
+        dt=0.02,
+    )
+    assert numbers(told) == numbers(by_hand.as_json())
+    assert set(told["stick"]) == {"does"}
+    stick = told["stick"]["does"]
+    assert set(stick) == {"penetration", "travel", "undone", "skin"}
+    assert 0 <= stick["penetration"] < stick["skin"] == pytest.approx(0.008)
+    assert 0 < stick["travel"] < 20
+
+
+def test_defaults_of_the_arm(command: Command):
+    told = one_object(command("evaluate --json --scenario arm --trials 40 --dt 0.02"))
+    hand = pcjax.two_joint_hand(math.radians(65), math.radians(90))
+    by_hand = pcjax.evaluate(
+        hand,
+        pcjax.Circle(50.0),
+        drive=pcjax.PlanarArm(),
+        direction="does",
+        trials=40,
+        max_steps=300_000,
+        dt=0.02,
+    )
+    assert numbers(told) == numbers(by_hand.as_json())
+
+
 def test_every_setting_of_a_run_is_handed_on(command: Command, monkeypatch: pytest.MonkeyPatch):
     handed: dict[str, Any] = {}
 
@@ -385,7 +424,7 @@ def test_a_figure_is_a_picture_and_its_data(kept: Path, name: str):
     assert (data.index1 > 0).all()
     assert (data.index1 <= 600_000).all()
     # Nobody passes a gap narrower than the object.
-    narrow = data.gap < 2 * data.radius * paper.WRIST_PALM_LENGTH * (1 - 1e-6)
+    narrow = data.gap < data.object_width * (1 - 1e-6)
     assert (data.index2.where(narrow, 1.0) == 1.0).all()
 
 
@@ -411,7 +450,7 @@ ALLOWED = {"reproduced", "reproduced in part", "not reproduced"}
 def test_claims_from_kept_data_and_from_a_new_run_agree(command: Command, kept: Path):
     from_kept = command(f"claims --results {kept}")
     assert (from_kept.code, from_kept.err) == (0, "")
-    assert list(verdicts(from_kept)) == list(range(1, 9))
+    assert list(verdicts(from_kept)) == list(range(1, 13))
     assert set(verdicts(from_kept).values()) <= ALLOWED
     anew = command(f"claims {TINY_FIGURE}")
     assert (anew.code, anew.out) == (0, from_kept.out)
@@ -432,7 +471,7 @@ def test_estimates_that_tell_nothing_reproduce_nothing(kept: Path):
 def test_trials_that_all_reach_the_limit_reproduce_nothing(command: Command):
     done = command("claims --trials 2 --max-steps 1000")
     assert done.code == 0
-    assert len(verdicts(done)) == 8
+    assert len(verdicts(done)) == 12
     assert "reproduced" not in verdicts(done).values()
     assert "nan" not in done.out
 
@@ -517,8 +556,8 @@ BAD_WORDS = [
     refused("evaluate --rad 5", "--rad", "did you mean --radius"),
     refused("evaluate 12", "12"),
     refused("evaluate --radius", "--radius"),
-    refused("evaluate --scenario arm", "scenario", "arm", "wrist"),
-    refused("evaluate --body stick", "body", "stick", "circle"),
+    refused("evaluate --scenario leg", "scenario", "leg", "wrist, arm"),
+    refused("evaluate --body cube", "body", "cube", "circle, stick"),
     refused("evaluate --direction in", "direction", "in", "does, eoen, both"),
     refused(
         "evaluate --engine evnt", "engine", "evnt", "did you mean event", "auto, event, stepping"
@@ -528,9 +567,25 @@ BAD_WORDS = [
         "evaluate --engine event --gap-width 50 --fingertip-angle 0", "event", "gap", "stepping"
     ),
     refused("figure", "figure"),
-    refused("figure 13", "13", "9a, 9b, 10, 11, 12"),
+    refused("figure 16", "16", "9a, 9b, 10, 11, 12, 13, 14, 15, 17"),
     refused("figure 9", "'9'", "9a, 9b, 10, 11, 12"),
     refused("figure 12 13", "13"),
+]
+BAD_COMBINATIONS = [
+    refused("evaluate --scenario arm --fingertip-angle 10", "--fingertip-angle", "arm"),
+    refused("evaluate --scenario arm --fingertip-length 10", "--fingertip-length", "arm"),
+    refused("evaluate --scenario arm --gap-width 10", "--gap-width", "arm"),
+    refused("evaluate --joint-angles 65 90", "--joint-angles", "wrist"),
+    refused("evaluate --orientation 45", "--orientation", "circle"),
+    refused("evaluate --scenario arm --orientation 45", "--orientation", "circle"),
+    refused("evaluate --scenario arm --joint-angles 65", "--joint-angles"),
+    refused("evaluate --scenario arm --joint-angles 65 nan", "joint angle", "nan"),
+    refused("evaluate --body stick --orientation inf", "orientation", "inf"),
+    refused("evaluate --body stick --radius -1", "half_length", "-1"),
+    refused("evaluate --body stick --radius 240", "stick", "240", "does not fit"),
+    refused("evaluate --scenario arm --direction both", "EoEn", "three limbs"),
+    refused("evaluate --scenario arm --direction eoen", "EoEn", "three limbs"),
+    refused("evaluate --scenario arm --joint-angles 120 120", "cross"),
 ]
 BAD_FILES = [
     refused("evaluate --out missing/run.nc", "missing/run.nc", "folder"),
@@ -570,7 +625,15 @@ def unexpected(*_: Any, **__: Any) -> None:
 
 @pytest.mark.parametrize(
     ("line", "words"),
-    [*BAD_LENGTHS, *BAD_COUNTS, *BAD_NUMBERS, *BAD_GEOMETRY, *BAD_WORDS, *BAD_FIGURES],
+    [
+        *BAD_LENGTHS,
+        *BAD_COUNTS,
+        *BAD_NUMBERS,
+        *BAD_GEOMETRY,
+        *BAD_WORDS,
+        *BAD_COMBINATIONS,
+        *BAD_FIGURES,
+    ],
 )
 def test_bad_input_is_refused_in_one_line(
     command: Command, tmp_path: Path, line: str, words: tuple[str, ...]
@@ -683,7 +746,7 @@ PYTHON_OTHERS = [
         "limb 3 crosses finger",
         lambda: evaluate_small(hand=pcjax.box_hand(math.radians(80.0), gap_width=150.0)),
     ),
-    python("figure is '13'", lambda: run_figure("13", trials=2, max_steps=1000)),
+    python("figure is '16'", lambda: run_figure("16", trials=2, max_steps=1000)),
     python("trials is 1", lambda: run_figure("12", trials=1, max_steps=1000)),
 ]
 

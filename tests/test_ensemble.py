@@ -175,8 +175,8 @@ def test_any_number_of_limbs_and_asymmetric_fingers() -> None:
     right = math.pi / 2
     hand = HandDesign(
         500.0,
-        ((300.0, 200.0, 100.0, 80.0), (500.0, 150.0)),
-        ((right, 0.1, right - 0.2, 1.2), (right, right)),
+        ((300.0, 200.0, 100.0, 80.0), (500.0, 120.0, 60.0)),
+        ((right, 0.1, right - 0.2, 1.2), (right, right, 0.4)),
     )
     result = outcomes([does(hand, Circle(20.0)), eoen(hand, Circle(20.0))], trials=100)
     assert not np.any(result.status == INVALID)

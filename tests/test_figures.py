@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -68,8 +69,8 @@ def test_settings_are_the_papers(grid: xr.Dataset) -> None:
 
 
 def test_unknown_figure_is_refused() -> None:
-    with pytest.raises(ValueError, match="'13'"):
-        run_figure("13", **RUN)
+    with pytest.raises(ValueError, match="'16'"):
+        run_figure("16", **RUN)
 
 
 def synthetic(name: str, index1: dict, index2: object = None, se: float = 1e-3) -> xr.Dataset:
@@ -131,7 +132,53 @@ def papers_world(**changes: object) -> dict[str, xr.Dataset]:
         ("eoen", r): entering(s) for r, s in zip(paper.RADII, (0.02, 0.009, 0.006), strict=True)
     }
     grid = synthetic("12", escape | enter)
-    return {"9a": narrow, "9b": wide, "12": grid} | changes  # type: ignore[return-value]
+    arm = arm_data("15", lambda first, second, _: 9e5 / (3 + width_of(first, second)))
+    stick = arm_data("17", lambda _, second, o: 100.0 * second + o)
+    figures = {"9a": narrow, "9b": wide, "12": grid, "15": arm, "17": stick}
+    return figures | changes  # type: ignore[return-value]
+
+
+def width_of(first: float, second: float) -> float:
+    tip = pcjax.two_joint_hand(math.radians(first), math.radians(second)).finger(1)[-1]
+    return 2 * float(tip.end.x)
+
+
+def arm_data(name: str, index1: Callable[[float, float, float], float]) -> xr.Dataset:
+    """Data of a figure of the arm with independent errors of one step."""
+    parts = [paper.ARM_FIGURES[part] for part in (("13", "14") if name == "15" else (name,))]
+    rows = list(
+        dict.fromkeys(
+            (a, b, o)
+            for part in parts
+            for o in part.orientations_deg
+            for a in part.angles_1_deg
+            for b in part.angles_2_deg
+        )
+    )
+    n = len(rows)
+    covariance = np.zeros((2, 2, n, n))
+    covariance[0, 0] = covariance[1, 1] = np.eye(n)
+    widths = [width_of(a, b) for a, b, _ in rows]
+    first, second, orientation = zip(*rows, strict=True)
+    return xr.Dataset(
+        {
+            "index1": ("condition", [index1(*row) for row in rows]),
+            "index2": ("condition", np.zeros(n)),
+            "covariance": (("estimate", "estimate_2", "condition", "condition_2"), covariance),
+            "gap": ("condition", widths),
+            "object_width": ("condition", np.zeros(n) if name == "17" else np.full(n, 100.0)),
+            "dt": ("condition", np.full(n, 0.02)),
+        },
+        coords={
+            "direction": ("condition", ["does"] * n),
+            "theta_1": ("condition", list(first)),
+            "theta_2": ("condition", list(second)),
+            "orientation": ("condition", list(orientation)),
+            "width": ("condition", widths),
+            "angle": ("condition", widths if name == "15" else list(second)),
+        },
+        attrs={"figure": name, "title": name, "trials": 10, "max_steps": 1000},
+    )
 
 
 def verdicts(figures: dict[str, xr.Dataset]) -> dict[int, str]:
@@ -139,7 +186,7 @@ def verdicts(figures: dict[str, xr.Dataset]) -> dict[int, str]:
 
 
 def test_all_claims_hold_in_the_papers_world() -> None:
-    assert verdicts(papers_world()) == dict.fromkeys(range(1, 9), REPRODUCED)
+    assert verdicts(papers_world()) == dict.fromkeys(range(1, 13), REPRODUCED)
 
 
 def test_claims_fail_where_they_should() -> None:
@@ -171,10 +218,19 @@ def test_claims_fail_where_they_should() -> None:
     assert wrong[5] == NOT
     assert wrong[8] == NOT
 
+    flat_arm = arm_data("15", lambda *_: 5000.0)
+    falling_arm = arm_data("15", lambda first, second, _: 9e5 - 1e3 * first - 1e3 * second)
+    same = arm_data("17", lambda *_: 5000.0)
+    strong = arm_data("17", lambda _a, _b, o: 5000.0 + 100 * o)
+    told = verdicts(papers_world(**{"15": flat_arm, "17": same}))
+    assert [told[k] for k in (9, 10, 11, 12)] == [NOT] * 4
+    told = verdicts(papers_world(**{"15": falling_arm, "17": strong}))
+    assert [told[k] for k in (9, 10, 11, 12)] == [NOT, NOT, NOT, IN_PART]
+
     noisy = verdicts(
-        {k: v.assign(covariance=v.covariance * 1e6) for k, v in papers_world().items()}
+        {k: v.assign(covariance=v.covariance * 1e10) for k, v in papers_world().items()}
     )
-    assert REPRODUCED not in {noisy[k] for k in (1, 2, 4, 5, 7, 8)}
+    assert REPRODUCED not in {noisy[k] for k in (1, 2, 4, 5, 7, 8, 9, 10, 11, 12)}
 
 
 @pytest.mark.parametrize("name", sorted(paper.FIGURES))
@@ -199,5 +255,28 @@ def test_pictures_show_every_curve(name: str, grid: xr.Dataset) -> None:
     assert all(axis.get_ylabel() for axis in picture.axes)
 
 
+@pytest.mark.parametrize(("name", "curves"), [("15", 2), ("17", 4)])
+def test_pictures_of_the_arm_show_every_curve(name: str, curves: int) -> None:
+    picture = plot_figure(arm_data(name, lambda _, second, o: 100.0 * second + o))
+    (axis,) = picture.axes
+    assert len(axis.get_legend().get_texts()) == curves
+    assert axis.get_xlabel()
+
+
+def test_figure_15_shows_figures_13_and_14() -> None:
+    settings = {"trials": 40, "seed": 3, "max_steps": 12_000, "dt": 0.02}
+    both = run_figure("15", **settings)
+    for name in ("13", "14"):
+        one = run_figure(name, **settings)
+        for k in range(one.sizes["condition"]):
+            first, second = float(one.theta_1[k]), float(one.theta_2[k])
+            same = (both.theta_1 == first) & (both.theta_2 == second)
+            assert int(same.sum()) == 1
+            assert float(both.index1[same][0]) == float(one.index1[k])
+            assert float(both.width[same][0]) == pytest.approx(width_of(first, second))
+    shut = both.gap.values < 100
+    assert np.all(both.index2.values[shut] == 1.0)
+
+
 def test_claims_need_all_their_figures() -> None:
-    assert set(FIGURES_NEEDED) <= set(paper.FIGURES)
+    assert set(FIGURES_NEEDED) <= set(paper.FIGURE_NAMES)

@@ -38,9 +38,15 @@ def draw_hand(axis: Axes, evaluation: Evaluation, direction: str) -> None:
         axis.plot([x0, x1], [y0, y1], color="black", lw=2, solid_capstyle="round")
     ax, ay, bx, by = data.goal.values
     axis.plot([ax, bx], [ay, by], color=COLOURS[2], ls="--", lw=1.5, label="goal line")
-    axis.add_patch(
-        Disc(data.start.values, radius, color=_DIRECTION_COLOUR[direction], alpha=0.7)
-    ).set_label("object")
+    colour = _DIRECTION_COLOUR[direction]
+    x, y = data.start.values
+    if "orientation" in evaluation.dataset.attrs:
+        angle = float(evaluation.dataset.attrs["orientation"])
+        along = radius * np.cos(angle), radius * np.sin(angle)
+        ends = [[c - half, c + half] for c, half in zip((x, y), along, strict=True)]
+        axis.plot(*ends, color=colour, lw=3, solid_capstyle="round", label="object")
+    else:
+        axis.add_patch(Disc((x, y), radius, color=colour, alpha=0.7)).set_label("object")
     x0, y0, x1, y1 = data.passage.values
     axis.annotate("", (x0, y0), (x1, y1), arrowprops={"arrowstyle": "<->", "color": "0.4"})
     axis.annotate(
@@ -98,6 +104,8 @@ def draw_survival(axis: Axes, evaluation: Evaluation) -> None:
 def plot_figure(dataset: xr.Dataset) -> Figure:
     """One of the paper's figures from `pcjax.figures.run_figure`, with 95 % bands."""
     name = str(dataset.attrs["figure"])
+    if name not in paper.FIGURES:
+        return _plot_arm_figure(dataset)
     settings = paper.FIGURES[name]
     figure = Figure(figsize=(7.2, 4.8), layout="constrained")
     axis = figure.subplots()
@@ -136,6 +144,46 @@ def plot_figure(dataset: xr.Dataset) -> Figure:
     axis.set_title(
         f"{settings.title}\n{attrs['trials']:,} trials, limit {attrs['max_steps']:,} steps; "
         f"{engines_text(attrs['engine'], dataset.dt)}\n95 % bands, hollow: full cage",
+        fontsize=10,
+    )
+    return figure
+
+
+def _plot_arm_figure(dataset: xr.Dataset) -> Figure:
+    name, attrs = str(dataset.attrs["figure"]), dataset.attrs
+    figure = Figure(figsize=(7.2, 4.8), layout="constrained")
+    axis = figure.subplots()
+    if name == "17":
+        colours = (*COLOURS, "#cc79a7")
+        orientations = np.unique(dataset.orientation.values)
+        for orientation, colour in zip(orientations, colours, strict=False):
+            line = curve(dataset, "does", where={"orientation": float(orientation)})
+            _band(axis, line, colour, f"orientation {orientation:g} deg", 1e-3)
+        axis.legend()
+    elif name == "15":
+        first, second = paper.ARM_JOINT_ANGLES_DEG
+        for fixed, at, varied, colour in (
+            ("theta_2", second, "1", COLOURS[0]),
+            ("theta_1", first, "2", COLOURS[1]),
+        ):
+            line = curve(dataset, "does", where={fixed: at})
+            _band(axis, line, colour, rf"$\theta_{{i{varied}}}$ varied", 1e-3)
+        axis.legend()
+        axis.set_yscale("log")
+    else:
+        _band(axis, curve(dataset, "does"), COLOURS[0], "index 1", 1e-3)
+    labels = {
+        "13": r"joint angle $\theta_{i1}$ [deg]",
+        "15": "width between the fingertips [model length]",
+    }
+    axis.set_xlabel(labels.get(name, r"joint angle $\theta_{i2}$ [deg]"))
+    axis.set_ylabel("DoEs: index 1 [thousand steps]")
+    if name != "15":
+        axis.set_ylim(0, None)
+    axis.grid(alpha=0.3, which="both" if name == "15" else "major")
+    axis.set_title(
+        f"{attrs['title']}\n{attrs['trials']:,} trials, limit {attrs['max_steps']:,} steps, "
+        f"dt = {_range(dataset.dt.values)} s; 95 % bands, hollow: full cage",
         fontsize=10,
     )
     return figure

@@ -1,0 +1,6 @@
+"""Fig. 13 at the settings of Sec. 3.6.2: arm and circle against theta_i1."""
+
+from redo import redo
+
+if __name__ == "__main__":
+    redo("13")
