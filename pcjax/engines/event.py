@@ -241,7 +241,7 @@ def settle(
     acceleration = _pushed(pull, normals, forces)
 
     pinned = (forces[0] > 0) & (forces[1] > 0)
-    second = (forces[1] > 0) | (stays[1] & ~stays[0])
+    second = (forces[1] > 0) | (stays[1] & jnp.logical_not(stays[0]))
     carrier = jax.tree.map(lambda a, b: jnp.where(second, b, a), *contacts)
     normal = where(second, normals[1], normals[0])
     touches = stays[0] | stays[1]

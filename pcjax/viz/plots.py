@@ -182,8 +182,8 @@ def _plot_arm_figure(dataset: xr.Dataset) -> Figure:
         axis.set_ylim(0, None)
     axis.grid(alpha=0.3, which="both" if name == "15" else "major")
     axis.set_title(
-        f"{attrs['title']}\n{attrs['trials']:,} trials, limit {attrs['max_steps']:,} steps, "
-        f"dt = {_range(dataset.dt.values)} s; 95 % bands, hollow: full cage",
+        f"{attrs['title']}\n{attrs['trials']:,} trials, limit {attrs['max_steps']:,} steps; "
+        f"{engines_text(attrs['engine'], dataset.dt)}\n95 % bands, hollow: full cage",
         fontsize=10,
     )
     return figure
