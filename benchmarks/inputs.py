@@ -8,6 +8,7 @@ import jax
 import numpy as np
 
 from pcjax.engines.draws import period_draws, start_draws, trial_key
+from pcjax.model.drive import WristTilt
 from pcjax.model.scenario import Scenario
 
 
@@ -19,6 +20,7 @@ def as_arrays(scenario: Scenario, *, trials: int, max_steps: int, seed: int = 0)
     (trials, periods, 2) in radians.
     """
     drive = scenario.drive
+    assert isinstance(drive, WristTilt)
     periods = int(np.ceil(max_steps * 0.001 / drive.period))
     with jax.enable_x64(True):
         world = jax.device_get(scenario.world())
