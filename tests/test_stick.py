@@ -76,7 +76,7 @@ def test_a_rod_that_hits_a_wall_at_an_angle(
 ) -> None:
     # No gravity: the lower end meets the palm. By (14)-(17) with n = (0, 1).
     vx, vy = 3.0, -40.0
-    n = round(0.9 / dt)
+    n = round(1.4 / dt)
     path = roll(box(restitution), held(0.0, 0.0), state(0.0, 70.0, angle, vx, vy, spin), n, dt)
     # Time of the impact, by bisection of the lower end's height.
     low, high = 0.0, 3.0
