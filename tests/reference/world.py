@@ -167,7 +167,7 @@ def least_pushes(overlaps: Sequence[Sequence[float]], needs: Sequence[float]) ->
             new = max(needs[i] - others, 0.0)
             change = max(change, abs(new - pushes[i]))
             pushes[i] = new
-        if change <= 1e-15 * max(map(abs, needs), default=0.0):
+        if change <= 1e-15 * max(needs, default=0.0):
             break
     return pushes
 
@@ -301,7 +301,8 @@ def simulate_circle(
     pose = drive.pose(0, 0.0, drive.is_moving(0.0, dt))
     x, y = pose.out(*start)
     vx = vy = 0.0
-    before = goal_line.beyond(*start)
+    local = (float(start[0]), float(start[1]))
+    before = goal_line.beyond(*local)
     positions: list[Vector] = []
     velocities: list[Vector] = []
     impacts: list[int] = []
@@ -319,8 +320,8 @@ def simulate_circle(
         ax, ay = hx / dt, hy / dt
 
         # At most this much nearer to any limb: how far it has come as seen from the hand.
-        local = pose.back(x1, y1)
-        slack -= hypot(local[0] - last[0], local[1] - last[1]) if number > 1 else 0.0
+        last, local = local, pose.back(x1, y1)
+        slack -= hypot(local[0] - last[0], local[1] - last[1])
         if slack <= 0.0:
             placed = hand.placed(pose)
             near = _nearest(placed, x1, y1, inf)
@@ -336,7 +337,6 @@ def simulate_circle(
                 if hit:
                     impacts.append(number)
         x, y, vx, vy = x1, y1, vx1, vy1
-        last = local
         positions.append(local)
         velocities.append((pose.c * vx + pose.s * vy, pose.c * vy - pose.s * vx))
 
