@@ -167,7 +167,7 @@ def least_pushes(overlaps: Sequence[Sequence[float]], needs: Sequence[float]) ->
             new = max(needs[i] - others, 0.0)
             change = max(change, abs(new - pushes[i]))
             pushes[i] = new
-        if change <= 1e-15 * max(needs, default=0.0):
+        if change <= 1e-12 * max(needs, default=0.0):
             break
     return pushes
 
