@@ -157,10 +157,10 @@ class Wrist:
 def least_pushes(overlaps: Sequence[Sequence[float]], needs: Sequence[float]) -> list[float]:
     """Pushes p >= 0 with sum_j overlaps[i][j] p_j >= needs[i], and equal where p_i > 0; unit diagonal.
 
-    Gauss-Seidel with projection, until nothing changes.
+    Gauss-Seidel with projection, until nothing changes, or for 60 rounds.
     """
     pushes = [0.0] * len(needs)
-    for _ in range(500):
+    for _ in range(60):
         change = 0.0
         for i, row in enumerate(overlaps):
             others = sum(row[j] * pushes[j] for j in range(len(needs)) if j != i)
