@@ -1,0 +1,126 @@
+"""Arm and stick against an independent plain-NumPy simulator in the world frame, 64 bits.
+
+The package tells the motion from the hand, with one acceleration per step; the reference moves the
+limbs through the world. Both are exact to second order in the step, so on a moving hand they part
+slowly by the size of the step squared, and faster at round ends, which multiply any difference.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+
+from pcjax.engines.draws import period_draws, start_draws, trial_key
+from pcjax.engines.stepping import trajectory
+from pcjax.model.arm import PlanarArm
+from pcjax.model.body import Circle, Stick
+from pcjax.model.hand import box_hand, two_joint_hand
+from pcjax.model.scenario import Scenario, does
+from pcjax.physics.step import PASSED, State
+from tests.reference import simulator, world
+
+pytestmark = pytest.mark.usefixtures("x64")
+
+PER_PERIOD = 10_000
+
+
+def reference(scenario: Scenario, trial: int, steps: int) -> dict[str, Any]:
+    """The same trial by the reference, its geometry and targets worked out by the reference too."""
+    hand, body, law = scenario.hand, scenario.body, scenario.law
+    limbs = simulator.hand_limbs(hand.palm_length, hand.lengths, hand.angles)
+    counts = [len(finger) for finger in hand.lengths]
+    goal = simulator.goal_line(limbs, *counts)
+    key = trial_key(0, trial)
+    first = scenario.start(start_draws(key, 3))
+    start = (float(first.x), float(first.y))
+    count = 3 if isinstance(scenario.drive, PlanarArm) else 2
+    periods = math.ceil(steps / PER_PERIOD)
+    draws = np.array([period_draws(key, k, count) for k in range(periods)])
+    if count == 3:
+        low, high = np.array([-math.pi / 4, 0.0, 0.0]), np.array([math.pi / 4, math.pi / 2, 0.0])
+        drive = world.Arm(low + (high - low) * draws)
+    else:
+        drive = world.Wrist((2 * draws - 1) * math.pi / 6)
+    given = (law.restitution, law.resting_speed, start)
+    if isinstance(body, Circle):
+        return world.simulate_circle(
+            limbs, counts[0], goal, body.radius, *given, drive, steps=steps
+        )
+    half = body.half_length
+    return world.simulate_stick(
+        limbs, counts[0], goal, half, 2e-4 * half, *given, body.orientation, drive, steps=steps
+    )
+
+
+def apart(mine: State, other: dict[str, Any]) -> np.ndarray:
+    """The largest difference of place after each step; a stick's ends count, not its angle."""
+    n = len(other["positions"])
+    got = np.stack([mine.position.x, mine.position.y], 1)[:n]
+    if mine.angle is None:
+        return np.abs(got - other["positions"]).max(axis=1)
+    turn = 50.0 * np.abs(np.exp(1j * np.asarray(mine.angle[:n])) - np.exp(1j * other["angles"]))
+    return np.abs(got - other["positions"]).max(axis=1) + turn
+
+
+def agreed(apart: np.ndarray, tolerance: float) -> int:
+    """How many steps agree."""
+    over = apart > tolerance
+    return int(np.argmax(over)) if over.any() else len(apart)
+
+
+def compare(scenario: Scenario, trials: range, steps: int) -> tuple[list[np.ndarray], list[int]]:
+    """The differences in each trial, and how many impacts the trials have while within 1e-5."""
+    run = jax.jit(lambda trial: trajectory(scenario, trial=trial))
+    differences, impacts = [], []
+    for trial in trials:
+        mine, other = run(trial), reference(scenario, trial, steps)
+        differences.append(apart(mine, other))
+        limit = agreed(differences[-1], 1e-5)
+        impacts.append(sum(number <= limit for number in other["impacts"]))
+    return differences, impacts
+
+
+def test_circle_on_the_arm() -> None:
+    scenario = does(two_joint_hand(math.radians(75)), Circle(50.0), PlanarArm())
+    differences, impacts = compare(scenario, range(6), PER_PERIOD)
+    closely = sorted(agreed(d, 1e-6) for d in differences)
+    # A trial that bounces while the arm moves parts by some 1e-6 per second.
+    assert closely[0] >= 900, closely
+    assert closely[1] >= 3_000, closely
+    assert closely[2] >= 9_000, closely
+    assert min(agreed(d, 1e-5) for d in differences) >= 9_000
+    assert min(impacts) >= 5, impacts
+
+
+def test_stick_on_the_arm() -> None:
+    hand = two_joint_hand(math.radians(65), math.radians(100))
+    differences, impacts = compare(does(hand, Stick(50.0, 0.6), PlanarArm()), range(4), 3_000)
+    closely = sorted(agreed(d, 1e-5) for d in differences)
+    assert closely[0] >= 1_000, closely
+    assert closely[2] >= 2_500, closely
+    assert sum(i >= 2 for i in impacts) >= 2, impacts
+
+
+def test_stick_under_wrist_tilt() -> None:
+    scenario = does(box_hand(math.radians(20)), Stick(50.0, 0.6))
+    differences, impacts = compare(scenario, range(1), 6_000)
+    assert min(agreed(d, 1e-6) for d in differences) == 6_000
+    assert impacts[0] >= 1, impacts
+
+
+def test_escape_steps_on_the_arm() -> None:
+    scenario = does(two_joint_hand(math.radians(55)), Circle(50.0), PlanarArm())
+    run = jax.jit(lambda trial: trajectory(scenario, trial=trial))
+    same = ended = 0
+    for trial in range(5):
+        mine = run(trial)
+        passed = int(mine.status[-1]) == PASSED
+        other = reference(scenario, trial, PER_PERIOD)["escape_step"]
+        same += (int(mine.steps[-1]) if passed else None) == other
+        ended += other is not None
+    assert ended >= 2
+    assert same >= 4
