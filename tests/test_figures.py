@@ -177,7 +177,13 @@ def arm_data(name: str, index1: Callable[[float, float, float], float]) -> xr.Da
             "width": ("condition", widths),
             "angle": ("condition", widths if name == "15" else list(second)),
         },
-        attrs={"figure": name, "title": name, "trials": 10, "max_steps": 1000},
+        attrs={
+            "figure": name,
+            "title": name,
+            "trials": 10,
+            "max_steps": 1000,
+            "engine": "stepping",
+        },
     )
 
 
@@ -243,7 +249,7 @@ def test_pictures_show_every_curve(name: str, grid: xr.Dataset) -> None:
         values = figure.gap_widths if key == "gap_width" else figure.radii
         shapes = {(d, v): lambda a: 0.5 + a / 400 for d in figure.directions for v in values}
         data = synthetic(name, shapes)
-        data.attrs = {"figure": name, "trials": 10, "max_steps": 600_000}
+        data.attrs = {"figure": name, "trials": 10, "max_steps": 600_000, "engine": "stepping"}
     picture = plot_figure(data)
     labelled = [
         t.get_text()

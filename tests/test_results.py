@@ -19,6 +19,7 @@ import pcjax
 from pcjax.engines.ensemble import LIMIT, STATUS_NAMES, Outcomes
 from pcjax.physics.step import INVALID, PASSED
 from pcjax.quality.indices import index1, index2, ratio
+from pcjax.results import engines_text
 
 P, L, X = PASSED, LIMIT, INVALID
 
@@ -126,8 +127,8 @@ def test_attributes_say_how_a_result_was_made(run: pcjax.Evaluation):
     assert attrs["seed"] == SETTINGS["seed"]
     assert attrs["max_steps"] == SETTINGS["max_steps"]
     assert attrs["precision"] == 32
-    assert attrs["engine"] == "stepping"
-    assert 0 < attrs["dt"] <= 0.04
+    assert attrs["engine"] == "event"
+    assert math.isnan(attrs["dt"])  # it takes no steps
     assert attrs["wall_seconds"] > 0
     assert attrs["radius"] == 24.0
     assert run.trials == SETTINGS["trials"]
@@ -179,11 +180,10 @@ def test_a_result_can_be_repeated_from_its_file_alone(run: pcjax.Evaluation, tmp
         max_steps=int(kept.attrs["max_steps"]),
         seed=int(kept.attrs["seed"]),
         engine=kept.attrs["engine"],
-        dt=float(kept.attrs["dt"]),
         precision=int(kept.attrs["precision"]),
     ).dataset
     xr.testing.assert_equal(again, kept)
-    changing = {"created", "wall_seconds"}
+    changing = {"created", "wall_seconds", "dt"}
     for name in kept.attrs.keys() - changing:
         assert again.attrs[name] == kept.attrs[name], name
 
@@ -256,9 +256,15 @@ def test_the_printed_table_shows_every_estimate(run: pcjax.Evaluation):
         for (number, reach), value in zip(told, expected, strict=True):
             assert abs(number - value) <= reach * (1 + 1e-9), (name, number, value)
     settings = "\n".join(line for line in lines if line.split()[0] not in rows)
-    for text in ("64 trials", "200,000 steps", "seed 7", "stepping", "float32"):
+    for text in ("64 trials", "200,000 steps", "seed 7", "event engine", "float32"):
         assert text in settings
-    assert f"dt = {run.dataset.attrs['dt']:g} s" in settings
+
+
+def test_engines_are_told_with_their_steps():
+    assert engines_text("event", math.nan) == "event engine"
+    assert engines_text("stepping", 0.04) == "stepping engine (dt = 0.04 s)"
+    both = engines_text("event, stepping", [math.nan, 0.02, 0.04])
+    assert both == "event, stepping engine (dt = 0.02 to 0.04 s)"
 
 
 def test_the_notes_are_printed_too():
@@ -417,7 +423,9 @@ def test_runs_on_other_trials_are_not_compared(run: pcjax.Evaluation):
 def test_an_asymmetric_hand_has_a_gap_and_a_cage_of_its_own_in_each_direction():
     right = math.pi / 2
     hand = pcjax.HandDesign(
-        500.0, ((500.0, 150.0, 100.0), (450.0, 100.0)), ((right, right, 0.9), (right, 1.0))
+        500.0,
+        ((500.0, 150.0, 100.0), (450.0, 60.0, 100.0)),
+        ((right, right, 0.9), (right, 1.0, 0.6)),
     )
     gaps = [float(turned.gap()) for turned in (hand, hand.with_fingertips_turned())]
     assert abs(gaps[0] - gaps[1]) > 20

@@ -33,8 +33,8 @@ class Circle(eqx.Module):
 SKIN = 2e-4
 """Share of a stick's half length at which it is held off the limbs (0.01 for the paper's stick).
 
-Wide enough that rounding cannot hide on which side of a limb the stick is, and far too narrow to
-matter: with ten times as much no index of ours moves by a standard error.
+Wide enough that rounding cannot hide on which side of a limb the stick is, and thousands of times
+thinner than anything else in the paper's settings.
 """
 
 
