@@ -111,7 +111,7 @@ def numbers(told: dict[str, Any]) -> dict[str, Any]:
 def test_json_is_one_object_of_the_promised_shape(command: Command):
     told = one_object(command(f"evaluate --json {SMALL}"))
     check_json(told, ("does", "eoen"))
-    assert (told["trials"], told["seed"], told["engine"]) == (64, 0, "stepping")
+    assert (told["trials"], told["seed"], told["engine"]) == (64, 0, "event")
     for name, index in (("index1", 50_000), ("index2", 1)):
         does, eoen = (told[direction][name]["value"] for direction in ("does", "eoen"))
         assert 0 < does < index
