@@ -32,7 +32,8 @@ def run_figure(name: str, **run: Any) -> xr.Dataset:
     """
     if name not in paper.FIGURE_NAMES:
         raise ValueError(f"figure is {name!r}: it has to be one of {', '.join(paper.FIGURE_NAMES)}")
-    run["max_steps"] = run.get("max_steps") or paper.max_steps(name)
+    if run.get("max_steps") is None:
+        run["max_steps"] = paper.max_steps(name)
     if name not in paper.FIGURES:
         return _run_arm_figure(name, **run)
     figure, unit = paper.FIGURES[name], paper.WRIST_PALM_LENGTH
