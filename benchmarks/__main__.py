@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from benchmarks import numba_loop, pymunk_scene
 from benchmarks.inputs import as_arrays
 from pcjax import paper
-from pcjax.evaluate import choose_engine, evaluate_grid
+from pcjax.engines.choice import choose_engine
+from pcjax.evaluate import evaluate_grid
 from pcjax.model.body import Circle
 from pcjax.model.hand import box_hand
 from pcjax.model.scenario import Scenario, does, eoen

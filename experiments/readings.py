@@ -28,8 +28,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from pcjax import paper
+from pcjax.engines.choice import choose_engine
 from pcjax.engines.ensemble import run
-from pcjax.evaluate import DIRECTIONS, choose_engine, evaluate_grid
+from pcjax.evaluate import DIRECTIONS, evaluate_grid
 from pcjax.figures import Curve, curve, score_curve
 from pcjax.model.body import Circle
 from pcjax.model.contact_law import ContactLaw

@@ -17,7 +17,8 @@ import xarray as xr
 from pcjax import paper
 from pcjax.claims import FIGURES_NEEDED, judge_claims
 from pcjax.compilation_cache import use_compilation_cache
-from pcjax.evaluate import ENGINES, evaluate
+from pcjax.engines.choice import ENGINES
+from pcjax.evaluate import evaluate
 from pcjax.figures import curve, run_figure, score_curve
 from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Body, Circle, Stick

@@ -15,11 +15,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pcjax.engines import event
+from pcjax.engines.choice import choose_engine
 from pcjax.engines.draws import period_draws, start_draws, trial_key
 from pcjax.engines.ensemble import LIMIT, run
 from pcjax.engines.event import DRIFT, EventDriven, Flight, first_root, leap
 from pcjax.engines.stepping import Stepping
-from pcjax.evaluate import choose_engine
 from pcjax.model.body import Circle
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import Swing, WristTilt

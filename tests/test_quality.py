@@ -13,9 +13,9 @@ import pytest
 import pcjax
 from benchmarks import pymunk_scene
 from benchmarks.inputs import as_arrays
+from pcjax.engines.choice import choose_engine, safe_step
 from pcjax.engines.ensemble import run
 from pcjax.engines.stepping import Stepping
-from pcjax.evaluate import choose_engine, safe_step
 from pcjax.model.body import Circle
 from pcjax.model.drive import WristTilt
 from pcjax.model.hand import box_hand
