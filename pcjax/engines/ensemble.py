@@ -20,12 +20,14 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float32, Int32, UInt8
+from jaxtyping import Float, Float32, Int32, UInt8
 from tqdm import tqdm
 
 from pcjax.checks import check_count
+from pcjax.engines.cloud import Cloud
 from pcjax.engines.draws import period_draws, start_draws, trial_key
-from pcjax.engines.lanes import Engine, Lanes, with_states
+from pcjax.engines.lanes import Engine, Lanes, with_progress, with_states
+from pcjax.engines.relaxation import NOWHERE, Progress
 from pcjax.model.body import Stick
 from pcjax.model.scenario import Scenario
 from pcjax.physics.step import INVALID, PAPER_DT, PASSED, RUNNING, begin
@@ -59,16 +61,34 @@ class Outcomes:
         status: PASSED, LIMIT or INVALID (`STATUS_NAMES`).
         max_steps: the step limit.
         watch: for sticks, what `Watch` keeps of each trial.
+        progress: where the goal is relaxed, the `Progress` of each trial: mark, first, held.
+        final: if kept, where each trial was in the end: x, y, vx, vy.
     """
 
     steps: Int32[np.ndarray, "conditions trials"]
     status: UInt8[np.ndarray, "conditions trials"]
     max_steps: int
     watch: Float32[np.ndarray, "conditions trials 3"] | None = None
+    progress: Float[np.ndarray, "conditions trials 3"] | None = None
+    final: Float[np.ndarray, "conditions trials 4"] | None = None
 
     @classmethod
-    def blank(cls, conditions: int, trials: int, max_steps: int, watched: bool = False) -> Outcomes:
-        """Outcomes to be filled in, for sticks with a `watch`.
+    def blank(
+        cls,
+        conditions: int,
+        trials: int,
+        max_steps: int,
+        *,
+        watched: bool = False,
+        relaxed: bool = False,
+        final: bool = False,
+    ) -> Outcomes:
+        """Outcomes to be filled in.
+
+        Arguments:
+            watched: whether with a `watch`.
+            relaxed: whether with `progress`.
+            final: whether with `final`.
 
         Raises:
             ValueError: a count out of range.
@@ -76,8 +96,14 @@ class Outcomes:
         check_count("trials", trials, 1, 2**31 - 1)
         check_count("max_steps", max_steps, 1, 2**31 - 1)
         shape = conditions, trials
-        watch = np.zeros((*shape, 3), np.float32) if watched else None
-        return cls(np.zeros(shape, np.int32), np.zeros(shape, np.uint8), max_steps, watch)
+        return cls(
+            np.zeros(shape, np.int32),
+            np.zeros(shape, np.uint8),
+            max_steps,
+            np.zeros((*shape, 3), np.float32) if watched else None,
+            np.zeros((*shape, 3)) if relaxed else None,
+            np.zeros((*shape, 4)) if final else None,
+        )
 
 
 def run(
@@ -91,6 +117,8 @@ def run(
     block: int | None = None,
     workers: int | None = None,
     progress: bool = False,
+    cloud: Cloud | None = None,
+    keep_final: bool = False,
 ) -> Outcomes:
     """Runs trials 0 ... trials - 1 of every scenario.
 
@@ -105,12 +133,21 @@ def run(
         block: lanes per block; chosen for the device unless given.
         workers: threads on a CPU; one per core unless given.
         progress: whether to show a bar on stderr (where that is a terminal).
+        cloud: where trials start instead of at the scenarios' starts, one place for each trial.
+        keep_final: whether to keep where each trial was in the end.
 
     Raises:
         ValueError: a count out of range, or scenarios of unequal structure.
     """
     stick = isinstance(scenarios[0].body, Stick)
-    outcomes = Outcomes.blank(len(scenarios), trials, max_steps, watched=stick)
+    outcomes = Outcomes.blank(
+        len(scenarios),
+        trials,
+        max_steps,
+        watched=stick,
+        relaxed=engine.goal_layer is not None,
+        final=keep_final,
+    )
     check_count("seed", seed, 0, 2**32 - 1)
     if precision not in (32, 64):
         raise ValueError(f"precision is {precision!r}: it has to be 32 or 64 (bits)")
@@ -137,6 +174,7 @@ def run(
         stacked=stacked,
         seed=np.uint32(seed),
         last_period=np.int32(ledger.last_period),
+        cloud=cloud,
     )
     with (
         tqdm(
@@ -236,12 +274,19 @@ class _Ledger:
         out_of_time = (lanes.status == RUNNING) & all_over
         lanes.status[ran & (late | out_of_time)] = LIMIT
         ended = np.flatnonzero(ran & (lanes.status != RUNNING))
+        first = np.where(lanes.period == 0, lanes.mark, lanes.first)
+        progress = np.stack([lanes.mark, first, lanes.held], axis=-1)
+        final = np.stack([lanes.x, lanes.y, lanes.vx, lanes.vy], axis=-1)
         where_to = lanes.condition[ended], lanes.trial[ended]
         with self._lock:
             self._outcomes.status[where_to] = lanes.status[ended]
             self._outcomes.steps[where_to] = np.minimum(paper_steps[ended], self._max_steps)
             if self._outcomes.watch is not None:
                 self._outcomes.watch[where_to] = lanes.more[ended, 2:]
+            if self._outcomes.progress is not None:
+                self._outcomes.progress[where_to] = progress[ended]
+            if self._outcomes.final is not None:
+                self._outcomes.final[where_to] = final[ended]
             self.on_end(len(ended))
 
 
@@ -274,32 +319,47 @@ def _advance_for(platform: str) -> Callable[..., Any]:
 
 
 def _advance_block(
-    *, engine: Engine, stacked: Scenario, seed: jax.Array, last_period: jax.Array, lanes: Lanes
+    *,
+    engine: Engine,
+    stacked: Scenario,
+    seed: jax.Array,
+    last_period: jax.Array,
+    cloud: Cloud | None,
+    lanes: Lanes,
 ) -> Lanes:
     """One call of the engine's `rounds` for a block of lanes."""
     scenarios = jax.tree.map(lambda leaf: leaf[lanes.condition], stacked)
     worlds = jax.vmap(lambda scenario: scenario.world())(scenarios)
+    starts = None if cloud is None else jax.tree.map(lambda leaf: leaf[lanes.trial], cloud)
 
-    def next_period(scenario: Scenario, lane: Lanes) -> tuple[Lanes, Any]:
+    def next_period(scenario: Scenario, lane: Lanes, start: Cloud | None) -> tuple[Lanes, Any]:
         drive = scenario.drive
         over = (lane.time >= drive.period) & (lane.period < last_period)
         over = over & (lane.status == RUNNING)
         period = lane.period + over
         key = trial_key(seed, lane.trial)
         fresh = over & (period == 0)
-        first = with_states(lane, begin(scenario, start_draws(key, scenario.draws_for_start)))
+        if start is None:
+            state = begin(scenario, start_draws(key, scenario.draws_for_start))
+        else:
+            state = start.state_in(scenario)
+        zero = jnp.zeros_like(lane.held)
+        first = with_progress(with_states(lane, state), Progress(zero + NOWHERE, zero, zero))
         lane = jax.tree.map(lambda new, old: jnp.where(fresh, new, old), first, lane)
         lane = lane._replace(
             period=period,
             time=jnp.where(over, 0.0, lane.time),
             status=jnp.where(over, RUNNING, lane.status),
+            first=jnp.where(over & (period == 1), lane.mark, lane.first),
         )
         before = period_draws(key, jnp.maximum(period - 1, 0), drive.targets_per_period)
         draws = period_draws(key, period, drive.targets_per_period)
-        return lane, drive.swing(before, draws, period == 0)
+        if start is not None:
+            before = jnp.where(period == 0, start.draws, before)
+        return lane, drive.swing(before, draws, (period == 0) & (start is None))
 
     def round(_: Any, lanes: Lanes) -> Lanes:
-        lanes, swings = jax.vmap(next_period)(scenarios, lanes)
+        lanes, swings = jax.vmap(next_period)(scenarios, lanes, starts)
         return engine.run(worlds, swings, lanes)
 
     if engine.rounds == 1:

@@ -16,7 +16,8 @@ Only the roll over a limb's end goes by small arcs, whose speed follows from the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import functools
+from dataclasses import dataclass, replace
 
 import equinox as eqx
 import jax
@@ -24,7 +25,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int
 
-from pcjax.engines.lanes import Lanes
+from pcjax.engines.lanes import Lanes, progress_of, with_progress
+from pcjax.engines.relaxation import Layer, Progress
 from pcjax.model.drive import Swing, WristTilt
 from pcjax.model.scenario import World
 from pcjax.physics.collide import Contact, two_nearest
@@ -69,11 +71,13 @@ class EventDriven:
         burst: leaps between two looks at whose period is over.
         rounds: bursts in one call.
         budget: leaps in one period after which a trial ends as INVALID.
+        goal_layer: half width of a relaxed goal, in depths of the channel (see `relaxation`).
     """
 
     burst: int = 8
     rounds: int = 8
     budget: int = 10_000
+    goal_layer: float | None = None
     name = "event"
 
     def step_taken(self, period: float) -> float:
@@ -91,8 +95,26 @@ class EventDriven:
         each = jax.vmap(leap)
         intervals = jax.vmap(WristTilt.steady_interval)(drives, DRIFT * worlds.body.radius)
 
-        def one(flights: Flight, _: None) -> tuple[Flight, None]:
-            return each(worlds, swings, intervals, flights), None
+        progress = progress_of(lanes)
+        if self.goal_layer is not None:
+            layers = jax.vmap(functools.partial(Layer.of, share=self.goal_layer))(worlds)
+            worlds = replace(worlds, goal=jax.vmap(Layer.farthest_goal)(layers))
+
+        def one(carry: tuple[Flight, Progress], _: None) -> tuple[tuple[Flight, Progress], None]:
+            flights, progress = carry
+            moved = each(worlds, swings, intervals, flights)
+            if self.goal_layer is not None:
+                time = moved.time - flights.time
+                via = jax.vmap(Layer.turning_point)(
+                    layers, flights.position, moved.position, moved.velocity, time
+                )
+                progress = jax.vmap(Layer.follow)(
+                    layers, progress, (flights.position, via, moved.position), time
+                )
+                moved = replace(
+                    moved, status=jax.vmap(Layer.verdict)(layers, moved.status, progress)
+                )
+            return (moved, progress), None
 
         flights = Flight(
             Vec(lanes.x, lanes.y),
@@ -101,9 +123,9 @@ class EventDriven:
             jnp.where(lanes.time == 0, 0, lanes.steps),
             lanes.status,
         )
-        flights, _ = jax.lax.scan(one, flights, length=self.burst)
+        (flights, progress), _ = jax.lax.scan(one, (flights, progress), length=self.burst)
         spent = (flights.leaps >= self.budget) & (flights.status == RUNNING)
-        return lanes._replace(
+        return with_progress(lanes, progress)._replace(
             time=flights.time,
             x=flights.position.x,
             y=flights.position.y,

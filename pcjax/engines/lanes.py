@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from pcjax.engines.relaxation import Progress
 from pcjax.model.scenario import World
 from pcjax.physics.step import PASSED, State, Watch
 from pcjax.planar import Vec
@@ -25,6 +26,7 @@ class Lanes(NamedTuple):
         steps: steps or leaps that the engine has taken since the trial began.
         lag: seconds by which the trial passed before its last step's end.
         status: RUNNING, PASSED or INVALID.
+        mark, first, held: how far the trial has come (`Progress`), where the goal is relaxed.
         more: for a stick, of shape (lanes, 5): angle, spin and what `Watch` keeps; for a circle
             (lanes, 0).
     """
@@ -40,6 +42,9 @@ class Lanes(NamedTuple):
     steps: Any
     lag: Any
     status: Any
+    mark: Any
+    first: Any
+    held: Any
     more: Any
 
     @classmethod
@@ -76,12 +81,28 @@ def with_states(lanes: Lanes, states: State) -> Lanes:
     )
 
 
+def progress_of(lanes: Lanes) -> Progress:
+    """How far the lanes have come."""
+    return Progress(lanes.mark, lanes.first, lanes.held)
+
+
+def with_progress(lanes: Lanes, progress: Progress) -> Lanes:
+    """The lanes with that progress in place of theirs."""
+    return lanes._replace(mark=progress.mark, first=progress.first, held=progress.held)
+
+
 class Engine(Protocol):
     """How a block of trials is advanced."""
 
     @property
     def name(self) -> str:
         """What the command line calls it."""
+        ...
+
+    @property
+    def goal_layer(self) -> float | None:
+        """Half width of the layer that the goal is spread over, in depths of the channel; None for
+        the exact goal."""
         ...
 
     @property

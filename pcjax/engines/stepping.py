@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,7 +14,8 @@ from jaxtyping import Array
 
 from pcjax.checks import check_between, check_positive
 from pcjax.engines.draws import period_draws, start_draws, trial_key
-from pcjax.engines.lanes import Lanes, states_of, with_states
+from pcjax.engines.lanes import Lanes, progress_of, states_of, with_progress, with_states
+from pcjax.engines.relaxation import Layer, Progress
 from pcjax.model.scenario import Scenario, World
 from pcjax.physics.step import PAPER_DT, PASSED, RUNNING, State, advance, begin
 from pcjax.planar import Scalar
@@ -32,12 +34,14 @@ class Stepping:
     Arguments:
         dt: the step asked for, s. The step taken is the largest one not above it that divides a
             period of the drive into a whole number of chunks of 50 steps.
+        goal_layer: half width of a relaxed goal, in depths of the channel (see `relaxation`).
 
     Raises:
         ValueError: a step outside [1e-6, 0.2] s.
     """
 
     dt: float = PAPER_DT
+    goal_layer: float | None = None
     name = "stepping"
     rounds = 1
 
@@ -70,22 +74,36 @@ class Stepping:
             out_axes=axes,
         )
 
-        def chunk(carry: tuple[Array, State]) -> tuple[Array, State]:
-            count, states = carry
-            states, _ = jax.lax.scan(
-                lambda states, _: (step_all(worlds, swings, states), None),
-                states,
-                length=_CHUNK,
-            )
-            return count + 1, states
+        progress = progress_of(lanes)
+        if self.goal_layer is not None:
+            layers = jax.vmap(functools.partial(Layer.of, share=self.goal_layer))(worlds)
+            worlds = replace(worlds, goal=jax.vmap(Layer.farthest_goal)(layers))
 
-        def unfinished(carry: tuple[Array, State]) -> Array:
-            count, states = carry
+        def one(carry: tuple[State, Progress], _: None) -> tuple[tuple[State, Progress], None]:
+            states, progress = carry
+            moved = step_all(worlds, swings, states)
+            if self.goal_layer is not None:
+                time = jnp.where(states.status == RUNNING, dt, 0.0)
+                progress = jax.vmap(Layer.follow)(
+                    layers, progress, (states.position, moved.position), time
+                )
+                moved = replace(
+                    moved, status=jax.vmap(Layer.verdict)(layers, moved.status, progress)
+                )
+            return (moved, progress), None
+
+        def chunk(carry: tuple[Array, State, Progress]) -> tuple[Array, State, Progress]:
+            count, states, progress = carry
+            (states, progress), _ = jax.lax.scan(one, (states, progress), length=_CHUNK)
+            return count + 1, states, progress
+
+        def unfinished(carry: tuple[Array, State, Progress]) -> Array:
+            count, states, _ = carry
             return (count < chunks) & jnp.any(states.status == RUNNING)
 
         zero = jnp.zeros((), jnp.int32)
-        _, states = jax.lax.while_loop(unfinished, chunk, (zero, states))
-        return with_states(lanes, states)._replace(
+        _, states, progress = jax.lax.while_loop(unfinished, chunk, (zero, states, progress))
+        return with_progress(with_states(lanes, states), progress)._replace(
             time=jnp.full_like(lanes.time, period),
             lag=jax.vmap(_lag, in_axes=(0, axes, None))(worlds, states, dt),
         )

@@ -43,6 +43,27 @@ class Goal(eqx.Module):
         return (share > 0) & (share < along.dot(along))
 
 
+class Channel(eqx.Module):
+    """The passage between the two fingertips, from its inner ends to the goal line.
+
+    Attributes:
+        goal: the goal line, at the channel's outer ends.
+        inner: the line between its inner ends.
+    """
+
+    goal: Goal
+    inner: Goal
+
+    def depth(self) -> Scalar:
+        """How far the inner ends lie behind the goal line, on average."""
+        return -0.5 * (self.goal.beyond(self.inner.a) + self.goal.beyond(self.inner.b))
+
+    def holds(self, point: Vec) -> Flag:
+        """Whether a point is between the two fingertips, both taken as endless lines."""
+        left, right = self.goal.a - self.inner.a, self.goal.b - self.inner.b
+        return (left.cross(point - self.inner.a) < 0) & (right.cross(point - self.inner.b) > 0)
+
+
 class HandDesign(eqx.Module):
     """A planar two-fingered hand; every length and angle is a traced leaf.
 
@@ -98,10 +119,11 @@ class HandDesign(eqx.Module):
 
     def goal(self) -> Goal:
         """The goal line: tip joints or tip ends (20), whichever lies farther out along +y."""
-        tips = self.finger(0)[-1], self.finger(1)[-1]
-        joints, ends = Goal(tips[0].start, tips[1].start), Goal(tips[0].end, tips[1].end)
-        ends_out = ends.a.y + ends.b.y > joints.a.y + joints.b.y
-        return Goal(where(ends_out, ends.a, joints.a), where(ends_out, ends.b, joints.b))
+        return self.channel().goal
+
+    def channel(self) -> Channel:
+        """The passage between the fingertips."""
+        return channel_between(self.finger(0)[-1], self.finger(1)[-1])
 
     def gap(self) -> Scalar:
         """The narrowest passage out of the hand: the least distance between the two fingers.
@@ -146,6 +168,15 @@ class HandDesign(eqx.Module):
         """The hand for EoEn (Fig. 8(b)): each fingertip turned to its limb's other side."""
         turned = [(*angles[:-1], -angles[-1]) for angles in self.angles]
         return HandDesign(self.palm_length, self.lengths, (turned[0], turned[1]))
+
+
+def channel_between(tip_1: Segment, tip_2: Segment) -> Channel:
+    """The passage between two fingertips; its outer ends are those farther out along +y."""
+    joints, ends = Goal(tip_1.start, tip_2.start), Goal(tip_1.end, tip_2.end)
+    ends_out = ends.a.y + ends.b.y > joints.a.y + joints.b.y
+    outer = Goal(where(ends_out, ends.a, joints.a), where(ends_out, ends.b, joints.b))
+    inner = Goal(where(ends_out, joints.a, ends.a), where(ends_out, joints.b, ends.b))
+    return Channel(outer, inner)
 
 
 def box_hand(

@@ -1,0 +1,104 @@
+"""A goal that is spread over the channel, so that how far a trial came counts as well.
+
+The exact trial ends where its centre crosses the goal line. Relaxed, the line lies anywhere within
++-w of its place, at random; the share of lines not yet crossed is the relaxed survival
+
+    S = 1 - F(s* / w),   F(u) = z^3 (6 z^2 - 15 z + 10),   z = clip((u + 1) / 2, 0, 1),
+
+with s* the farthest that the centre has come past the line inside the channel between the
+fingertips. S is smooth in everything that the motion depends on, and as w goes to 0 it tends to the
+exact survival.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from pcjax.model.hand import Channel, Goal, channel_between
+from pcjax.model.scenario import World
+from pcjax.physics.step import PASSED, RUNNING
+from pcjax.planar import Scalar, Vec, unit_and_length
+
+NOWHERE = -1e9
+"""s* of a trial that has not been in the channel."""
+
+
+class Progress(eqx.Module):
+    """How far a trial has come.
+
+    Attributes:
+        mark: s*, the farthest that the centre has been past the goal line inside the channel.
+        first: what `mark` was at the end of the first period.
+        held: the integral of the relaxed survival over time, s.
+    """
+
+    mark: Scalar
+    first: Scalar
+    held: Scalar
+
+
+class Layer(eqx.Module):
+    """Where the goal is spread: the channel, and the half width w."""
+
+    channel: Channel
+    width: Scalar
+
+    @classmethod
+    def of(cls, world: World, share: float) -> Layer:
+        """w is a share of the channel's depth. It is not differentiated: it is our choice."""
+        channel = channel_between(world.limbs[world.finger_1], world.limbs[-1])
+        return cls(channel, jax.lax.stop_gradient(share * channel.depth()))
+
+    def farthest_goal(self) -> Goal:
+        """The last line of the layer: whoever crosses it is out for certain."""
+        goal = self.channel.goal
+        along, _ = unit_and_length(goal.b - goal.a)
+        out = Vec(-along.y, along.x) * self.width
+        return Goal(goal.a + out, goal.b + out)
+
+    def follow(self, before: Progress, points: Sequence[Vec], time: Scalar) -> Progress:
+        """The progress `time` seconds later, after a move by way of `points`.
+
+        Who has crossed the goal line is out of the hand; how far, then counts wherever it is.
+        """
+        mark = before.mark
+        for point in points:
+            past = self.channel.goal.beyond(point)
+            counts = self.channel.holds(point) | (mark > 0)
+            mark = jnp.where(counts, jnp.maximum(mark, past), mark)
+        mean = 0.5 * (self.survival(before.mark) + self.survival(mark))
+        return Progress(mark, before.first, before.held + mean * time)
+
+    def verdict(self, status: Scalar, progress: Progress) -> Scalar:
+        """A trial's status: it ends once it is past the last line of the layer."""
+        return jnp.where((status == RUNNING) & (progress.mark >= self.width), PASSED, status)
+
+    def survival(self, mark: Scalar) -> Scalar:
+        """S for a mark s*."""
+        return relaxed_survival(mark, self.width)
+
+    def turning_point(self, start: Vec, end: Vec, velocity: Vec, time: Scalar) -> Vec:
+        """Where a move under constant acceleration came farthest out: at its end, or in between.
+
+        Arguments:
+            velocity: at `end`.
+            time: seconds from `start` to `end`.
+        """
+        goal = self.channel.goal
+        seconds = jnp.where(time > 0, time, 1.0)
+        last = goal.beyond(end + velocity) - goal.beyond(end)
+        first = 2.0 * (goal.beyond(end) - goal.beyond(start)) / seconds - last
+        turns = (time > 0) & (first > 0) & (last < 0)
+        since = jnp.where(turns, -last / jnp.where(turns, first - last, 1.0), 0.0) * time
+        acceleration = (velocity - (end - start) * (1.0 / seconds)) * (2.0 / seconds)
+        return end + (acceleration * (0.5 * since) - velocity) * since
+
+
+def relaxed_survival(mark: Scalar, width: Scalar) -> Scalar:
+    """S = 1 - F(mark / width)."""
+    z = jnp.clip(0.5 * (mark / width + 1.0), 0.0, 1.0)
+    return 1.0 - z * z * z * (z * (6.0 * z - 15.0) + 10.0)
