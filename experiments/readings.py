@@ -30,13 +30,13 @@ from matplotlib.ticker import FixedLocator, NullLocator
 from pcjax import paper
 from pcjax.engines.choice import choose_engine
 from pcjax.engines.ensemble import run
-from pcjax.evaluate import DIRECTIONS, evaluate_grid
+from pcjax.evaluate import evaluate_grid
 from pcjax.figures import Curve, curve, score_curve
 from pcjax.model.body import Circle
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
 from pcjax.model.hand import box_hand
-from pcjax.model.scenario import Scenario
+from pcjax.model.scenario import DIRECTIONS, Scenario
 from pcjax.physics.step import INVALID
 
 DEFAULTS = {"start spread": 0.1, "ramp": 1.0, "restitution": 0.1, "gravity": 9.8}

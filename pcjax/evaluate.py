@@ -19,11 +19,9 @@ from pcjax.model.body import Body, Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
 from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
-from pcjax.model.scenario import Drive, Scenario, check_geometry, does, eoen
+from pcjax.model.scenario import DIRECTIONS, Drive, Scenario, check_geometry
 from pcjax.physics.step import INVALID, PAPER_DT
 from pcjax.results import WATCHED, Evaluation, parameters, provenance
-
-DIRECTIONS = {"does": does, "eoen": eoen}
 
 
 def default_max_steps(body: Body, drive: Drive) -> int:

@@ -12,11 +12,11 @@ import xarray as xr
 from jaxtyping import Bool, Float
 
 from pcjax import paper
-from pcjax.evaluate import DIRECTIONS, evaluate_grid
+from pcjax.evaluate import evaluate_grid
 from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Circle, Stick
 from pcjax.model.hand import box_hand, full_cage, two_joint_hand
-from pcjax.model.scenario import does
+from pcjax.model.scenario import DIRECTIONS, does
 
 
 def run_figure(name: str, **run: Any) -> xr.Dataset:

@@ -18,10 +18,9 @@ PACKAGE = Path(pcjax.__file__).parent
 LAYERS = (
     ("__init__", "__main__", "cli", "compilation_cache"),
     ("claims", "viz"),
-    ("figures",),
+    ("figures", "design"),
     ("evaluate",),
     ("results", "paper"),
-    ("design",),
     ("quality",),
     ("engines",),
     ("physics",),

@@ -174,7 +174,7 @@ def run(
         stacked=stacked,
         seed=np.uint32(seed),
         last_period=np.int32(ledger.last_period),
-        cloud=cloud,
+        cloud=None if cloud is None else jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype), cloud),
     )
     with (
         tqdm(
@@ -365,3 +365,42 @@ def _advance_block(
     if engine.rounds == 1:
         return round(0, lanes)
     return jax.lax.fori_loop(0, engine.rounds, round, lanes)
+
+
+def roll(
+    engine: Engine,
+    stacked: Scenario,
+    seed: jax.Array,
+    periods: int,
+    lanes: Lanes,
+    cloud: Cloud | None = None,
+) -> Lanes:
+    """Runs lanes to their ends, or through that many periods, within one compiled program.
+
+    `run` is faster, since here a block waits for its slowest trial. This one can be differentiated,
+    forwards, with respect to every leaf of `stacked`.
+
+    Arguments:
+        engine: how trials are run.
+        stacked: the conditions, every leaf with the conditions as its first axis.
+        seed: trial i depends on (seed, i) alone.
+        periods: of the drive.
+        lanes: from `Lanes.fresh`.
+        cloud: see `run`.
+    """
+
+    def going(lanes: Lanes) -> jax.Array:
+        over = (lanes.period >= periods - 1) & (lanes.time >= stacked.drive.period)
+        return jnp.any((lanes.status == RUNNING) & ~over)
+
+    def advance(lanes: Lanes) -> Lanes:
+        return _advance_block(
+            engine=engine,
+            stacked=stacked,
+            seed=seed,
+            last_period=jnp.asarray(periods - 1, jnp.int32),
+            cloud=cloud,
+            lanes=lanes,
+        )
+
+    return jax.lax.while_loop(going, advance, lanes)

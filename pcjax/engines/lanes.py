@@ -8,10 +8,11 @@ from typing import Any, NamedTuple, Protocol
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Int
 
 from pcjax.engines.relaxation import Progress
 from pcjax.model.scenario import World
-from pcjax.physics.step import PASSED, State, Watch
+from pcjax.physics.step import PASSED, RUNNING, State, Watch
 from pcjax.planar import Vec
 
 
@@ -54,6 +55,27 @@ class Lanes(NamedTuple):
         idle = cls(**{n: np.zeros(count, np.int32 if n in whole else dtype) for n in cls._fields})
         idle.status[:] = PASSED
         return idle._replace(more=np.zeros((count, more), dtype))
+
+    @classmethod
+    def fresh(
+        cls,
+        condition: Int[Array, " lanes"],
+        trial: Int[Array, " lanes"],
+        dtype: type,
+        more: int = 0,
+    ) -> Lanes:
+        """Lanes whose trials are about to begin, for a compiled program."""
+        idle = cls.idle(len(trial), dtype, more)
+        return jax.tree.map(
+            jnp.asarray,
+            idle._replace(
+                condition=condition,
+                trial=trial,
+                period=idle.period - 1,
+                time=idle.time + np.inf,
+                status=np.full_like(idle.status, RUNNING),
+            ),
+        )
 
 
 def states_of(lanes: Lanes) -> State:

@@ -192,3 +192,7 @@ def eoen(
             "leave an open hand that confines nothing; evaluate with direction 'does'"
         )
     return Scenario(hand.with_fingertips_turned(), body, drive, law, start_spread)
+
+
+DIRECTIONS = {"does": does, "eoen": eoen}
+"""How each direction's scenario is made from a design."""

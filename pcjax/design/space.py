@@ -1,0 +1,331 @@
+"""Which numbers of a hand may change, within which bounds, and which hands are allowed."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jaxtyping import Array, Float
+
+from pcjax.checks import check_between, check_finite
+from pcjax.model.hand import HandDesign
+from pcjax.planar import Flag, Scalar
+
+Rows = list[list[Scalar]]
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """What a kind of parameter is to a finger: how to read it, and how to give it a value."""
+
+    unit: str
+    text: str
+    read: Callable[[HandDesign, int, int], Scalar]
+    write: Callable[[HandDesign, Rows, Rows, int, int, Scalar], None]
+
+
+def _read_tip_angle(hand: HandDesign, finger: int, _: int) -> Scalar:
+    return 90.0 - hand.angles[finger][-1] * (180.0 / math.pi)  # (21)
+
+
+def _write_tip_angle(
+    _: HandDesign, __: Rows, angles: Rows, finger: int, ___: int, value: Scalar
+) -> None:
+    angles[finger][-1] = (90.0 - value) * (math.pi / 180.0)
+
+
+def _read_angle(hand: HandDesign, finger: int, joint: int) -> Scalar:
+    return hand.angles[finger][joint] * (180.0 / math.pi)
+
+
+def _write_angle(
+    _: HandDesign, __: Rows, angles: Rows, finger: int, joint: int, value: Scalar
+) -> None:
+    angles[finger][joint] = value * (math.pi / 180.0)
+
+
+def _read_length(hand: HandDesign, finger: int, joint: int) -> Scalar:
+    return hand.lengths[finger][joint]
+
+
+def _write_length(
+    _: HandDesign, lengths: Rows, __: Rows, finger: int, joint: int, value: Scalar
+) -> None:
+    lengths[finger][joint] = value
+
+
+def _read_gap_width(hand: HandDesign, _: int, __: int) -> Scalar:
+    return hand.finger(1)[-1].start.x - hand.finger(0)[-1].start.x  # (20)
+
+
+def _write_gap_width(
+    hand: HandDesign, lengths: Rows, _: Rows, finger: int, __: int, value: Scalar
+) -> None:
+    # The second limbs give way, each by half; exact where they are parallel to the palm.
+    change = 0.5 * (value - _read_gap_width(hand, 0, 0))
+    lengths[finger][-2] = hand.lengths[finger][-2] - change
+
+
+_KINDS = {
+    "fingertip_angle": _Kind("deg", "theta_g (21)", _read_tip_angle, _write_tip_angle),
+    "fingertip_length": _Kind("", "L_g (19)", _read_length, _write_length),
+    "gap_width": _Kind("", "W_g (20)", _read_gap_width, _write_gap_width),
+    "joint_angle": _Kind("deg", "theta_ij", _read_angle, _write_angle),
+    "link_length": _Kind("", "L_ij", _read_length, _write_length),
+}
+
+HELP = (
+    "fingertip_angle, fingertip_length (of both fingers; _1 or _2 at the end: of one), gap_width, "
+    "joint_angle_J, link_length_J (joint J of both fingers; _IJ: of finger I)"
+)
+"""What a parameter may be called."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of a hand that may change.
+
+    Attributes:
+        name: one of those in `HELP`.
+        low, high: its bounds, in degrees or model lengths.
+        kind: which of the kinds.
+        fingers: 0 and 1 for finger 1 and 2.
+        joint: which joint or limb of the finger, from 0; -1 for the fingertip.
+    """
+
+    name: str
+    low: float
+    high: float
+    kind: str
+    fingers: tuple[int, ...]
+    joint: int
+
+    @property
+    def unit(self) -> str:
+        """ "deg", or "" for a model length."""
+        return _KINDS[self.kind].unit
+
+    @property
+    def label(self) -> str:
+        """Its name with the unit, as results call it."""
+        return self.name + ("_deg" if self.unit else "")
+
+    def read(self, hand: HandDesign) -> Scalar:
+        """Its value in a hand; that of the first finger it is for."""
+        return _KINDS[self.kind].read(hand, self.fingers[0], self.joint)
+
+
+def parameter(
+    name: str, hand: HandDesign, low: float | None = None, high: float | None = None
+) -> Parameter:
+    """A parameter by its name, for a hand, with bounds.
+
+    Arguments:
+        name: see `HELP`; hyphens stand for underscores.
+        low, high: degrees or model lengths. Unless given: -30 to 50 deg for fingertips, 40 deg
+            either way for joints, 0.05 to 0.35 L_p for fingertips' lengths, 0.2 to 0.8 L_p for the
+            gap, half to one and a half of a link.
+
+    Raises:
+        ValueError: an unknown name, a joint that the hand does not have, or bounds out of order.
+    """
+    name = name.replace("-", "_")
+    match = re.fullmatch(r"([a-z_]+?)(?:_([12]?)(\d))?", name)
+    kind = match.group(1) if match else name
+    if match is None or kind not in _KINDS:
+        near = difflib.get_close_matches(kind, _KINDS, 1, cutoff=0.5)
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise ValueError(f"there is no parameter {name}: {hint}there are {HELP}")
+    limbs = min(len(lengths) for lengths in hand.lengths)
+    fingers, joint = (0, 1), -1
+    if kind in ("joint_angle", "link_length"):
+        if match.group(3) is None or not 1 <= int(match.group(3)) <= limbs:
+            raise ValueError(f"{name}: say which joint, {kind}_1 to {kind}_{limbs} for this hand")
+        joint = int(match.group(3)) - 1
+        if match.group(2):
+            fingers = (int(match.group(2)) - 1,)
+    elif match.group(3) is not None:
+        if kind == "gap_width" or match.group(2) or match.group(3) not in "12":
+            raise ValueError(f"there is no parameter {name}: there are {HELP}")
+        fingers = (int(match.group(3)) - 1,)
+    if kind == "gap_width" and limbs < 3:
+        raise ValueError("gap_width needs a hand with three limbs or more a finger")
+    found = Parameter(name, -math.inf, math.inf, kind, fingers, joint)
+    value, unit = float(found.read(hand)), float(hand.palm_length)
+    usual = {
+        "fingertip_angle": (-30.0, 50.0),
+        "fingertip_length": (0.05 * unit, 0.35 * unit),
+        "gap_width": (0.2 * unit, 0.8 * unit),
+        "joint_angle": (value - 40.0, value + 40.0),
+        "link_length": (0.5 * value, 1.5 * value),
+    }[kind]
+    low, high = (usual[0] if low is None else low), (usual[1] if high is None else high)
+    check_finite(f"{name}'s lower bound", low)
+    check_finite(f"{name}'s upper bound", high)
+    if kind in ("fingertip_length", "link_length", "gap_width") and low <= 0:
+        raise ValueError(f"{name}'s lower bound is {low:g}: a length has to be above 0")
+    if not low < high:
+        raise ValueError(f"{name} is free from {low:g} to {high:g}: the bounds are out of order")
+    return Parameter(name, low, high, kind, fingers, joint)
+
+
+@dataclass(frozen=True)
+class DesignSpace:
+    """The hands that differ from a base hand in the free parameters, and which are allowed.
+
+    A design is a vector of the parameters' values. Optimisers work in `scales`, in which angles
+    count in tens of degrees and lengths in tenths of the palm.
+
+    Arguments:
+        base: the hand whose other numbers stay.
+        free: the parameters.
+        clearance: the least that the gap has to be wider than the object, a length.
+        width: of the object.
+
+    Raises:
+        ValueError: nothing free, a parameter twice, or a negative clearance.
+    """
+
+    base: HandDesign
+    free: tuple[Parameter, ...]
+    clearance: float
+    width: float
+
+    def __post_init__(self) -> None:
+        if not self.free:
+            raise ValueError("no parameter is free: name one or more of " + HELP)
+        names = [p.name for p in self.free]
+        taken: dict[tuple[str, int, int], str] = {}
+        for p in self.free:
+            for finger in p.fingers:
+                # A fingertip's angle and its joint's, say, are the same number.
+                size = len(self.base.lengths[finger])
+                what = "angle" if p.unit else "length"
+                joint = size - 2 if p.kind == "gap_width" else p.joint % size
+                other = taken.setdefault((what, finger, joint), p.name)
+                if other != p.name or names.count(p.name) > 1:
+                    raise ValueError(f"{p.name} and {other} are the same number of the hand")
+        check_between("clearance", self.clearance, 0.0, math.inf)
+
+    @property
+    def scales(self) -> Float[np.ndarray, " parameters"]:
+        """The usual change of each parameter: 10 degrees, or a tenth of the palm."""
+        length = 0.1 * float(self.base.palm_length)
+        return np.array([10.0 if p.unit else length for p in self.free])
+
+    @property
+    def angular(self) -> tuple[bool, ...]:
+        """Which parameters are angles."""
+        return tuple(bool(p.unit) for p in self.free)
+
+    @property
+    def low(self) -> Float[np.ndarray, " parameters"]:
+        """Lower bounds."""
+        return np.array([p.low for p in self.free])
+
+    @property
+    def high(self) -> Float[np.ndarray, " parameters"]:
+        """Upper bounds."""
+        return np.array([p.high for p in self.free])
+
+    def design_of(self, hand: HandDesign) -> Float[np.ndarray, " parameters"]:
+        """The design that a hand is."""
+        return np.array([float(p.read(hand)) for p in self.free])
+
+    def hand(self, design: Float[Array, " parameters"] | Sequence[float]) -> HandDesign:
+        """The hand of a design; differentiable."""
+        lengths: Rows = [list(ls) for ls in self.base.lengths]
+        angles: Rows = [list(ts) for ts in self.base.angles]
+        for p, value in zip(self.free, design, strict=True):
+            for finger in p.fingers:
+                _KINDS[p.kind].write(self.base, lengths, angles, finger, p.joint, value)
+        return HandDesign(
+            self.base.palm_length,
+            (tuple(lengths[0]), tuple(lengths[1])),
+            (tuple(angles[0]), tuple(angles[1])),
+        )
+
+    def spare(self, design: Float[np.ndarray, " parameters"]) -> tuple[float, bool]:
+        """How much wider than object and clearance the gap is, and whether limbs cross."""
+        with jax.enable_x64(True):
+            gap, crossings = jax.device_get(_gap_and_crossings(self.hand(design)))
+        return float(gap) - self.width - self.clearance, any(crossings)
+
+    def allowed(self, design: Float[np.ndarray, " parameters"]) -> bool:
+        """Whether a design is within bounds, has its clearance, and no limbs that cross."""
+        slack = 1e-9 * np.abs(self.scales)
+        inside = np.all(design >= self.low - slack) and np.all(design <= self.high + slack)
+        return bool(inside) and self.open(design, 1.0)
+
+    def open(self, design: Float[np.ndarray, " parameters"], share: float) -> bool:
+        """Whether the gap leaves that share of the clearance and no limbs cross."""
+        if any(float(length) <= 0 for row in self.hand(design).lengths for length in row):
+            return False
+        spare, crossed = self.spare(design)
+        return spare + (1.0 - share) * self.clearance > -1e-6 * self.width and not crossed
+
+    def nearest_allowed(
+        self,
+        design: Float[np.ndarray, " parameters"],
+        fallback: Float[np.ndarray, " parameters"] | None = None,
+    ) -> Float[np.ndarray, " parameters"]:
+        """An allowed design close by: clipped to the bounds, then moved along the gap's gradient.
+
+        Arguments:
+            design: any.
+            fallback: an allowed design to go back towards where that does not do; the base hand
+                unless given.
+
+        Raises:
+            ValueError: no allowed design was found.
+        """
+        wanted = design = np.clip(design, self.low, self.high)
+        inside = np.clip(self.design_of(self.base), self.low, self.high)
+        inside = inside if fallback is None else fallback
+        for _ in range(40):
+            if self.allowed(design):
+                return design
+            spare, crossed = self.spare(design)
+            if crossed:
+                # Fingers that cross have no gap whose gradient could help.
+                design = inside + 0.8 * (design - inside)
+                continue
+            steps = 1e-4 * np.diag(self.scales)
+            rises = [self.spare(design + h)[0] - self.spare(design - h)[0] for h in steps]
+            slope = np.array(rises) / 2e-4
+            stuck = ((slope < 0) & (design <= self.low)) | ((slope > 0) & (design >= self.high))
+            slope[stuck] = 0.0
+            if not slope.any() or spare >= 0:
+                break
+            move = (1e-7 * self.width - spare) / float(slope @ slope)
+            design = np.clip(design + move * slope * self.scales, self.low, self.high)
+        for share in 0.5 ** np.arange(1, 12):
+            between = inside + share * (wanted - inside)
+            if self.allowed(between):
+                return between
+        if self.allowed(inside):
+            return inside
+        raise ValueError(
+            f"no allowed hand was found near {self.describe(wanted)}: its gap has to be "
+            f"{self.clearance:g} wider than the object ({self.width:g}), no limbs may cross, and "
+            "every parameter has to be within its bounds"
+        )
+
+    def describe(self, design: Float[np.ndarray, " parameters"]) -> str:
+        """A design as text."""
+        values = zip(self.free, design, strict=True)
+        return ", ".join(f"{p.name} {v:.4g}{' deg' if p.unit else ''}" for p, v in values)
+
+    def named(self, design: Float[np.ndarray, " parameters"]) -> dict[str, float]:
+        """A design by the parameters' labels."""
+        return {p.label: float(v) for p, v in zip(self.free, design, strict=True)}
+
+
+@jax.jit
+def _gap_and_crossings(hand: HandDesign) -> tuple[Scalar, list[Flag]]:
+    return hand.gap(), list(hand.crossings().values())

@@ -1,0 +1,393 @@
+"""The relaxed score: what the optimiser looks at in place of the exact one.
+
+Two things are softened, each by a named width, and as both go to 0 the exact score comes back:
+
+| field | unit | usual | what it does |
+| --- | --- | --- | --- |
+| goal_layer | depths of the channel | 0.8 | half width over which the goal line is spread |
+| contact_layer | radii of the object | 0 | half width over which contact switches on |
+
+and it takes one of three forms:
+
+- "horizon": trials from the paper's starts to the step limit, as the exact score has them.
+- "cloud": objects that have been in the hand for `burn_in` periods and have not left, followed for
+  3 more. After a few periods the share that escapes per period is constant, p, and
+  index 1 = (1 - (1 - p)^n) / p periods for a limit of n.
+- "exact": the exact trials; nothing is relaxed.
+
+All forms are sums over trials that depend on (seed, trial) alone, so that two designs are compared
+on the same experiments (common random numbers).
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from pcjax.checks import check_between, check_count
+from pcjax.engines.choice import choose_engine, safe_step
+from pcjax.engines.cloud import Cloud
+from pcjax.engines.draws import period_draws, trial_key
+from pcjax.engines.ensemble import LIMIT, roll, run
+from pcjax.engines.event import EventDriven
+from pcjax.engines.lanes import Lanes
+from pcjax.engines.relaxation import Layer, relaxed_survival
+from pcjax.engines.stepping import Stepping
+from pcjax.model.body import Body, Circle
+from pcjax.model.contact_law import ContactLaw
+from pcjax.model.hand import HandDesign
+from pcjax.model.scenario import DIRECTIONS, Drive, Scenario
+from pcjax.physics.step import INVALID, PAPER_DT
+from pcjax.planar import Scalar
+
+OBJECTIVES = ("index1", "index2", "escape_rate")
+"""What a score can be made of: an index, or the limit-free mean time to escape, 1 / rate."""
+
+FORMS = ("horizon", "cloud", "exact")
+
+ROLLED = 3
+"""Periods that a cloud is followed. The first is left out of the rate: whoever starts far from the
+goal needs a while to get there."""
+
+_FRESH = 0x9E3779B9
+"""Tells the seed of a cloud's further life from that of its burn-in."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a hand has to be good at.
+
+    Arguments:
+        body: the object.
+        drive: what moves the hand.
+        directions: ("does", "eoen") for their ratio, the score, or ("does",) alone.
+        max_steps: limit in steps of 0.001 s.
+        law: contact law.
+        start_spread: of the starts, in palm lengths.
+    """
+
+    body: Body
+    drive: Drive
+    directions: tuple[str, ...]
+    max_steps: int
+    law: ContactLaw = field(default_factory=ContactLaw)
+    start_spread: float = 0.1
+
+    def scenarios(self, hand: HandDesign) -> list[Scenario]:
+        """One scenario for each direction."""
+        return [
+            DIRECTIONS[d](hand, self.body, self.drive, self.law, self.start_spread)
+            for d in self.directions
+        ]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """What the trials of some hands gave.
+
+    Attributes:
+        values: two numbers of each trial. For a horizon the seconds it was held and whether it was
+            to the end (or the relaxed survival then); for a cloud the survival after one period and
+            after all.
+        valid: trials that went right in every hand.
+        invalid: how many trials of a hand went wrong.
+    """
+
+    values: Float[np.ndarray, "hands directions 2 trials"]
+    valid: Bool[np.ndarray, " trials"]
+    invalid: int
+
+    def means(self) -> Float[np.ndarray, "hands directions 2"]:
+        """Means over the valid trials."""
+        return self.values[..., self.valid].mean(axis=-1)
+
+
+@dataclass(frozen=True)
+class Surrogate:
+    """A relaxed score of hands at a task.
+
+    Arguments:
+        task: what they have to be good at.
+        objective: one of `OBJECTIVES`.
+        form: one of `FORMS`.
+        trials: trials for each hand and direction.
+        goal_layer, contact_layer: see above.
+        dt: step in seconds where trials are stepped; as large as accuracy allows unless given.
+        burn_in: periods before a cloud counts.
+
+    Raises:
+        ValueError: an unknown name, a number out of range, a limit that is not a whole number of
+            periods, or a cloud of sticks.
+    """
+
+    task: Task
+    objective: str = "index1"
+    form: str = "horizon"
+    trials: int = 1000
+    goal_layer: float = 0.8
+    contact_layer: float = 0.0
+    dt: float | None = None
+    burn_in: int = 8
+
+    def __post_init__(self) -> None:
+        for name, value, names in (
+            ("objective", self.objective, OBJECTIVES),
+            ("form", self.form, FORMS),
+        ):
+            if value not in names:
+                raise ValueError(f"{name} is {value!r}: it has to be one of {', '.join(names)}")
+        check_count("trials", self.trials, 2, 2**24)
+        check_count("burn_in", self.burn_in, 1, 1000)
+        check_between("goal_layer", self.goal_layer, 1e-6, 1.0)
+        check_between("contact_layer", self.contact_layer, 0.0, 0.5)
+        if self.task.max_steps % round(self.task.drive.period / PAPER_DT):
+            raise ValueError(
+                f"max_steps is {self.task.max_steps}: a surrogate's limit has to be a whole number "
+                f"of periods of {round(self.task.drive.period / PAPER_DT)} steps"
+            )
+        if self.form == "cloud" and not isinstance(self.task.body, Circle):
+            raise ValueError("form 'cloud' knows circles only: take 'horizon' for a stick")
+
+    @property
+    def periods(self) -> int:
+        """The limit in periods of the drive."""
+        return self.task.max_steps // round(self.task.drive.period / PAPER_DT)
+
+    def annealed(self, factor: float) -> Surrogate:
+        """With both widths times `factor`; at 0 it is the exact score."""
+        return replace(
+            self,
+            goal_layer=max(self.goal_layer * factor, 1e-6),
+            contact_layer=self.contact_layer * factor,
+        )
+
+    def softened(self, scenario: Scenario) -> Scenario:
+        """The scenario with its contact softened."""
+        if self.contact_layer == 0 or self.form == "exact":
+            return scenario
+        law = ContactLaw(
+            scenario.law.restitution,
+            scenario.law.resting_speed,
+            jax.lax.stop_gradient(self.contact_layer * scenario.body.radius),
+        )
+        return replace(scenario, law=law)
+
+    def sample(self, hands: Sequence[HandDesign], seed: int, base: HandDesign) -> Sample:
+        """Runs the same trials with every hand.
+
+        Arguments:
+            hands: they differ little from `base`, in which a cloud is made.
+            seed: trial i depends on (seed, i) alone.
+            base: the hand in the middle.
+        """
+        each = [[self.softened(s) for s in self.task.scenarios(hand)] for hand in hands]
+        flat = [scenario for scenarios in each for scenario in scenarios]
+        engine = self.engine(flat)
+        if self.form == "cloud":
+            values, wrong = self._sample_cloud(each, engine, seed, base)
+        else:
+            values, wrong = self._sample_horizon(flat, engine, seed)
+        shape = len(hands), len(self.task.directions)
+        return Sample(
+            values.reshape(*shape, 2, -1), ~wrong.any(axis=0), int(wrong.sum(axis=1).max())
+        )
+
+    def engine(self, scenarios: Sequence[Scenario]) -> Stepping | EventDriven:
+        """The cheapest engine that can run all of these, with this goal layer."""
+        layer = None if self.form == "exact" else self.goal_layer
+        chosen = [choose_engine("auto", self.dt, scenario) for scenario in scenarios]
+        if all(isinstance(engine, EventDriven) for engine in chosen):
+            return EventDriven(goal_layer=layer)
+        dt = self.dt or min(safe_step(scenario) for scenario in scenarios)
+        return Stepping(dt, goal_layer=layer)
+
+    def _sample_horizon(
+        self, scenarios: list[Scenario], engine: Stepping | EventDriven, seed: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        out = run(
+            scenarios, trials=self.trials, max_steps=self.task.max_steps, seed=seed, engine=engine
+        )
+        if out.progress is None:
+            held, end = out.steps * PAPER_DT, (out.status == LIMIT).astype(float)
+        else:
+            held = out.progress[..., 2]
+            end = relaxed_survival(out.progress[..., 0], self._widths(scenarios)[:, None])
+        return np.stack([held, np.asarray(end)], axis=1), out.status == INVALID
+
+    def _sample_cloud(
+        self,
+        each: list[list[Scenario]],
+        engine: Stepping | EventDriven,
+        seed: int,
+        base: HandDesign,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        values, wrong = [], []
+        steps = ROLLED * round(self.task.drive.period / PAPER_DT)
+        for k, scenario in enumerate(self.task.scenarios(base)):
+            cloud = self.cloud(scenario, seed)
+            mine = [scenarios[k] for scenarios in each]
+            out = run(
+                mine,
+                trials=self.trials,
+                max_steps=steps,
+                seed=seed ^ _FRESH,
+                engine=engine,
+                cloud=cloud,
+            )
+            assert out.progress is not None
+            marks = np.moveaxis(out.progress[..., [1, 0]], -1, 1)
+            values.append(relaxed_survival(marks, self._widths(mine)[:, None, None]))
+            wrong.append(out.status == INVALID)
+        return np.stack(values, axis=1), np.concatenate(wrong)
+
+    def cloud(self, scenario: Scenario, seed: int) -> Cloud:
+        """Places of `trials` objects that are still in the hand after the burn-in.
+
+        Raises:
+            ValueError: hardly anything stays in the hand that long.
+        """
+        engine = choose_engine("auto", self.dt, scenario)
+        steps = self.burn_in * round(scenario.drive.period / PAPER_DT)
+        places, draws, tried = [], [], 0
+        while sum(map(len, places)) < self.trials:
+            out = run(
+                [scenario],
+                trials=self.trials,
+                max_steps=steps,
+                seed=(seed + tried) % 2**32,
+                engine=engine,
+                keep_final=True,
+            )
+            assert out.final is not None
+            stay = np.flatnonzero(out.status[0] == LIMIT)
+            places.append(out.final[0, stay])
+            draws.append(
+                _last_draws(
+                    (seed + tried) % 2**32,
+                    stay,
+                    self.burn_in - 1,
+                    scenario.drive.targets_per_period,
+                )
+            )
+            tried += 1
+            if tried == 20:
+                raise ValueError(
+                    f"too few objects stay in the hand for {self.burn_in} periods to make a cloud "
+                    "of: take form 'horizon', or a shorter burn-in"
+                )
+        count = self.trials
+        hands = jax.tree.map(lambda leaf: np.full(count, leaf, np.float32), scenario.hand)
+        return Cloud(
+            np.concatenate(places)[:count].astype(np.float32),
+            np.concatenate(draws)[:count].astype(np.float32),
+            hands,
+        )
+
+    def traced_values(
+        self,
+        hand: HandDesign,
+        engine: Stepping | EventDriven,
+        trials: Int[Array, " trials"],
+        seed: Any,
+    ) -> Float[Array, "directions 2 trials"]:
+        """`Sample.values` of one hand within a compiled program, differentiable forwards.
+
+        A horizon's trials from the paper's starts; one that goes wrong counts as far as it came.
+        """
+        scenarios = [self.softened(scenario) for scenario in self.task.scenarios(hand)]
+        stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves).astype(float), *scenarios)
+        count = len(scenarios)
+        lanes = Lanes.fresh(
+            jnp.repeat(jnp.arange(count, dtype=jnp.int32), len(trials)),
+            jnp.tile(trials, count),
+            np.dtype(jnp.result_type(float)).type,
+            0 if isinstance(self.task.body, Circle) else 5,
+        )
+        lanes = roll(engine, stacked, seed, self.periods, lanes)
+        widths = jax.vmap(lambda s: Layer.of(s.world(), self.goal_layer).width)(stacked)
+        end = relaxed_survival(lanes.mark, widths[lanes.condition])
+        values = jnp.stack([lanes.held, end]).reshape(2, count, -1)
+        return jnp.moveaxis(values, 0, 1)
+
+    def _widths(self, scenarios: Sequence[Scenario]) -> Float[np.ndarray, " conditions"]:
+        """The half width w of each scenario's goal layer."""
+        stacked = jax.tree.map(lambda *leaves: np.asarray(leaves, np.float32), *scenarios)
+        return np.asarray(_layer_widths(stacked, self.goal_layer))
+
+    def log_score(self, means: Float[Array, "directions 2"]) -> Scalar:
+        """The logarithm of the score, from a hand's means."""
+        return _log_score(means, *self._static())
+
+    def judge(
+        self, means: Float[np.ndarray, "hands directions 2"]
+    ) -> tuple[Float[np.ndarray, " hands"], Float[np.ndarray, "hands directions 2"]]:
+        """`log_score` of each hand, and its derivatives with respect to the means."""
+        with jax.enable_x64(True):
+            value, slope = _judge(jnp.asarray(means, float), *self._static())
+            return np.asarray(value), np.asarray(slope)
+
+    def _static(self) -> tuple[str, bool, int, float]:
+        return self.objective, self.form == "cloud", self.periods, self.task.drive.period
+
+
+def _log_score(
+    means: Float[Array, "directions 2"], objective: str, cloud: bool, periods: int, period: float
+) -> Scalar:
+    logs = [_log_quality(one, objective, cloud, periods, period) for one in means]
+    return logs[0] - logs[1] if len(logs) == 2 else logs[0]
+
+
+def _log_quality(
+    means: Float[Array, "2"], objective: str, cloud: bool, periods: int, period: float
+) -> Scalar:
+    """How well a hand holds in one direction, as a logarithm."""
+    tiny = 1e-9
+    if cloud:
+        stay = jnp.clip(jnp.sqrt(means[1] / means[0]), tiny, 1 - tiny)
+        return {
+            "index1": jnp.log((1 - stay**periods) / (1 - stay) * period / PAPER_DT),
+            "index2": periods * jnp.log(stay),
+            "escape_rate": -jnp.log(-jnp.log(stay) / period),
+        }[objective]
+    held, end = means[0], means[1]
+    return {
+        "index1": jnp.log(held / PAPER_DT),
+        "index2": jnp.log(jnp.maximum(end, tiny)),
+        # Escapes over time at risk: the maximum likelihood for a constant rate.
+        "escape_rate": jnp.log(held / jnp.maximum(1 - end, tiny)),
+    }[objective]
+
+
+@functools.partial(jax.jit, static_argnums=(1, 2, 3, 4))
+def _judge(
+    means: Array, objective: str, cloud: bool, periods: int, period: float
+) -> tuple[Array, Array]:
+    score = functools.partial(
+        _log_score, objective=objective, cloud=cloud, periods=periods, period=period
+    )
+    return jax.vmap(jax.value_and_grad(score))(means)
+
+
+@functools.partial(jax.jit, static_argnums=1)
+def _layer_widths(stacked: Scenario, share: float) -> Array:
+    return jax.vmap(lambda scenario: Layer.of(scenario.world(), share).width)(stacked)
+
+
+@functools.partial(jax.jit, static_argnums=(2, 3))
+def _draws_of(seed: Array, trials: Array, period: int, count: int) -> Array:
+    return jax.vmap(lambda trial: period_draws(trial_key(seed, trial), period, count))(trials)
+
+
+def _last_draws(seed: int, trials: np.ndarray, period: int, count: int) -> np.ndarray:
+    # Of a few sizes only, so that they compile once.
+    size = 1 << max(len(trials) - 1, 1).bit_length()
+    padded = np.zeros(size, np.int32)
+    padded[: len(trials)] = trials
+    return np.asarray(_draws_of(np.uint32(seed), padded, period, count))[: len(trials)]
