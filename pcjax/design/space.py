@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import jax
@@ -218,10 +218,13 @@ class DesignSpace:
         length = 0.1 * float(self.base.palm_length)
         return np.array([10.0 if p.unit else length for p in self.free])
 
-    @property
-    def angular(self) -> tuple[bool, ...]:
-        """Which parameters are angles."""
-        return tuple(bool(p.unit) for p in self.free)
+    def usual_moves(self) -> Float[np.ndarray, " parameters"]:
+        """How far differences move each parameter: 4 degrees, or 0.02 palm lengths."""
+        return self.scales * [0.4 if p.unit else 0.2 for p in self.free]
+
+    def least_gap(self, share: float) -> float:
+        """The gap that leaves that share of the clearance."""
+        return self.width + share * self.clearance
 
     @property
     def low(self) -> Float[np.ndarray, " parameters"]:
@@ -329,3 +332,32 @@ class DesignSpace:
 @jax.jit
 def _gap_and_crossings(hand: HandDesign) -> tuple[Scalar, list[Flag]]:
     return hand.gap(), list(hand.crossings().values())
+
+
+def design_space(
+    hand: HandDesign,
+    free: Mapping[str, tuple[float, float] | None] | Sequence[str],
+    width: float,
+    clearance: float | None = None,
+) -> DesignSpace:
+    """The hands that differ from `hand` in the parameters named.
+
+    Arguments:
+        hand: its other numbers stay.
+        free: names (see `HELP`), or names with their bounds in degrees or model lengths.
+        width: of the object, a length.
+        clearance: the least that the gap has to be wider; 0.04 L_p unless given.
+
+    Raises:
+        ValueError: see `parameter` and `DesignSpace`.
+
+    Example:
+        >>> import pcjax
+        >>> space = pcjax.design_space(pcjax.box_hand(), {"fingertip_angle": (-30, 45)}, 50.0)
+        >>> space.describe(space.nearest_allowed([60.0]))
+        'fingertip_angle 40.54 deg'
+    """
+    bounds = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
+    parameters = [parameter(name, hand, *(span or (None, None))) for name, span in bounds.items()]
+    least = 0.04 * float(hand.palm_length) if clearance is None else clearance
+    return DesignSpace(hand, tuple(parameters), least, width)

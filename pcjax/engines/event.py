@@ -16,7 +16,6 @@ Only the roll over a limb's end goes by small arcs, whose speed follows from the
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass, replace
 
 import equinox as eqx
@@ -96,14 +95,14 @@ class EventDriven:
         intervals = jax.vmap(WristTilt.steady_interval)(drives, DRIFT * worlds.body.radius)
 
         progress = progress_of(lanes)
-        if self.goal_layer is not None:
-            layers = jax.vmap(functools.partial(Layer.of, share=self.goal_layer))(worlds)
+        layers = Layer.all_of(worlds, self.goal_layer)
+        if layers is not None:
             worlds = replace(worlds, goal=jax.vmap(Layer.farthest_goal)(layers))
 
         def one(carry: tuple[Flight, Progress], _: None) -> tuple[tuple[Flight, Progress], None]:
             flights, progress = carry
             moved = each(worlds, swings, intervals, flights)
-            if self.goal_layer is not None:
+            if layers is not None:
                 time = moved.time - flights.time
                 via = jax.vmap(Layer.turning_point)(
                     layers, flights.position, moved.position, moved.velocity, time

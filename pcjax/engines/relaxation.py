@@ -53,6 +53,11 @@ class Layer(eqx.Module):
         channel = channel_between(world.limbs[world.finger_1], world.limbs[-1])
         return cls(channel, jax.lax.stop_gradient(share * channel.depth()))
 
+    @classmethod
+    def all_of(cls, worlds: World, share: float | None) -> Layer | None:
+        """The layers of a batch of worlds, None where the goal is exact."""
+        return None if share is None else jax.vmap(lambda world: cls.of(world, share))(worlds)
+
     def farthest_goal(self) -> Goal:
         """The last line of the layer: whoever crosses it is out for certain."""
         goal = self.channel.goal

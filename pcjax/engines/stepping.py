@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from dataclasses import dataclass, replace
 from typing import Any
@@ -75,14 +74,14 @@ class Stepping:
         )
 
         progress = progress_of(lanes)
-        if self.goal_layer is not None:
-            layers = jax.vmap(functools.partial(Layer.of, share=self.goal_layer))(worlds)
+        layers = Layer.all_of(worlds, self.goal_layer)
+        if layers is not None:
             worlds = replace(worlds, goal=jax.vmap(Layer.farthest_goal)(layers))
 
         def one(carry: tuple[State, Progress], _: None) -> tuple[tuple[State, Progress], None]:
             states, progress = carry
             moved = step_all(worlds, swings, states)
-            if self.goal_layer is not None:
+            if layers is not None:
                 time = jnp.where(states.status == RUNNING, dt, 0.0)
                 progress = jax.vmap(Layer.follow)(
                     layers, progress, (states.position, moved.position), time

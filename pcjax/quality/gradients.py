@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 import os
 import time
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
@@ -23,18 +24,16 @@ from typing import Any, Protocol
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Integer
 from scipy.linalg import hadamard
 
 from pcjax.checks import check_between, check_count
 from pcjax.engines.stepping import Stepping
 from pcjax.model.hand import HandDesign
+from pcjax.planar import Scalar
 from pcjax.quality.surrogate import Surrogate
 
 DIRECTIONS = ("axial", "factorial", "gaussian")
-
-_ANGLE_STEP, _LENGTH_STEP = 0.4, 0.2
-"""How far differences move a parameter, in its scale: 4 degrees, 0.02 L_p."""
 
 
 _OTHER = 0x5BD1E995
@@ -48,7 +47,11 @@ class Space(Protocol):
     def scales(self) -> Float[np.ndarray, " parameters"]: ...
 
     @property
-    def angular(self) -> tuple[bool, ...]: ...
+    def base(self) -> HandDesign: ...
+
+    def usual_moves(self) -> Float[np.ndarray, " parameters"]: ...
+
+    def least_gap(self, share: float) -> float: ...
 
     def hand(self, design: Float[Array, " parameters"]) -> HandDesign: ...
 
@@ -83,16 +86,15 @@ class Gradient:
         return np.sqrt(np.diag(self.covariance))
 
 
+Designs = Sequence[Float[np.ndarray, " parameters"]]
+
+
 class Estimator(Protocol):
-    """How a gradient is estimated."""
+    """How gradients are estimated, at one design or several, all on the same trials."""
 
     def __call__(
-        self,
-        surrogate: Surrogate,
-        space: Space,
-        design: Float[np.ndarray, " parameters"],
-        seed: int,
-    ) -> Gradient: ...
+        self, surrogate: Surrogate, space: Space, designs: Designs, seed: int
+    ) -> list[Gradient]: ...
 
 
 @dataclass(frozen=True)
@@ -123,51 +125,57 @@ class Differences:
             check_count("count", self.count, 1, 4096)
 
     def __call__(
-        self,
-        surrogate: Surrogate,
-        space: Space,
-        design: Float[np.ndarray, " parameters"],
-        seed: int,
-    ) -> Gradient:
-        """The gradient at a design.
+        self, surrogate: Surrogate, space: Space, designs: Designs, seed: int
+    ) -> list[Gradient]:
+        """The gradients at some designs, all in one batch.
 
         Raises:
-            ValueError: the hand is closed, or as good as closed, at the design.
+            ValueError: a hand is closed, or as good as closed.
         """
         began = time.perf_counter()
-        moves = self._moves(space, len(design), seed)
-        reach = open_reach(space, design, moves)
-        moves = reach * moves
-        designs = [design, *(design + move for move in moves), *(design - move for move in moves)]
-        hands = [space.hand(one) for one in designs]
-        sample = surrogate.sample(hands, seed, hands[0])
+        moves = self._moves(space, len(designs[0]), seed)
+        all_moves = [open_reach(space, design, moves) * moves for design in designs]
+        hands = [
+            space.hand(one)
+            for design, moves in zip(designs, all_moves, strict=True)
+            for one in (design, *(design + m for m in moves), *(design - m for m in moves))
+        ]
+        each = 1 + 2 * len(moves)
+        sample = surrogate.sample(hands, seed, hands[::each])
         count = int(sample.valid.sum())
         if count < 2:
             raise ValueError("fewer than two trials went right at every design: try a smaller dt")
         means = sample.means()
         values, slopes = surrogate.judge(means)
-        # Least squares: half the differences are moves @ gradient.
-        weights = np.linalg.pinv(moves)
-        pick = np.zeros((1 + len(design), len(designs)))
-        pick[0, 0] = 1.0
-        pick[1:, 1 : 1 + len(moves)] = 0.5 * weights
-        pick[1:, 1 + len(moves) :] = -0.5 * weights
         deviations = sample.values[..., sample.valid] - means[..., None]
-        influence = pick @ np.einsum("vdk,vdkn->vn", slopes, deviations)
-        covariance = influence @ influence.T / (count * (count - 1))
-        estimate = pick @ values
-        return Gradient(
-            float(estimate[0]),
-            math.sqrt(covariance[0, 0]),
-            estimate[1:],
-            covariance[1:, 1:],
-            largest_share(influence[1:]),
-            sample.values.shape[0] * sample.values.shape[1] * surrogate.trials,
-            time.perf_counter() - began,
-        )
+        influences = np.einsum("vdk,vdkn->vn", slopes, deviations)
+        seconds = time.perf_counter() - began
+        gradients = []
+        for k, moves in enumerate(all_moves):
+            mine = slice(k * each, (k + 1) * each)
+            # Least squares: half the differences are moves @ gradient.
+            weights = 0.5 * np.linalg.pinv(moves)
+            pick = np.zeros((1 + len(weights), each))
+            pick[0, 0] = 1.0
+            pick[1:, 1 : 1 + len(moves)] = weights
+            pick[1:, 1 + len(moves) :] = -weights
+            estimate, influence = pick @ values[mine], pick @ influences[mine]
+            covariance = influence @ influence.T / (count * (count - 1))
+            gradients.append(
+                Gradient(
+                    float(estimate[0]),
+                    math.sqrt(covariance[0, 0]),
+                    estimate[1:],
+                    covariance[1:, 1:],
+                    largest_share(influence[1:]),
+                    each * len(surrogate.task.directions) * surrogate.trials,
+                    seconds / len(designs),
+                )
+            )
+        return gradients
 
     def _moves(self, space: Space, count: int, seed: int) -> Float[np.ndarray, "moves parameters"]:
-        steps = self.reach * np.where(space.angular, _ANGLE_STEP, _LENGTH_STEP) * space.scales
+        steps = self.reach * space.usual_moves()
         if self.directions == "axial":
             return np.diag(steps)
         if self.directions == "factorial":
@@ -180,6 +188,70 @@ def _signs(count: int) -> Float[np.ndarray, "runs parameters"]:
     """Orthogonal columns of signs: as few runs as a power of 2 allows."""
     size = 1 << (count - 1).bit_length()
     return hadamard(size)[:, :count].astype(float)
+
+
+def differentiable_score(
+    surrogate: Surrogate, space: Space, *, block: int = 256
+) -> Callable[[Float[Array, " parameters"], Integer[Array, ""] | int], Scalar]:
+    """The relaxed score as a function of (design, seed) that JAX can compile and differentiate.
+
+    Its derivative is the factorial estimate of `Differences`, by `jax.custom_jvp`, so `jax.grad` of
+    it and any optimiser of optax just work. `optimize` is faster: here the trials of a block wait
+    for each other.
+
+    Arguments:
+        surrogate: of the form "horizon".
+        space: of the designs.
+        block: trials that run together; `surrogate.trials` is rounded up to whole blocks.
+
+    Raises:
+        ValueError: a surrogate of another form.
+
+    Example:
+        >>> import pcjax, jax
+        >>> task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 30_000)
+        >>> space = pcjax.design_space(pcjax.box_hand(), ["fingertip_angle"], 50.0)
+        >>> score = pcjax.differentiable_score(pcjax.Surrogate(task, trials=64), space, block=64)
+        >>> jax.grad(score)(space.design_of(space.base), 0).shape
+        (1,)
+    """
+    if surrogate.form != "horizon":
+        raise ValueError(f"a score to be compiled needs form 'horizon', not {surrogate.form!r}")
+    engine = surrogate.engine(surrogate.task.scenarios(space.base))
+    count = len(space.scales)
+    moves = _signs(count) * space.usual_moves()
+    blocks = -(-surrogate.trials // block)
+
+    def log_score(design: Array, seed: Array) -> Scalar:
+        def means(number: Array) -> Array:
+            trials = number * block + jnp.arange(block, dtype=jnp.int32)
+            return surrogate.traced_values(space.hand(design), engine, trials, seed).mean(axis=-1)
+
+        each = jax.lax.map(means, jnp.arange(blocks, dtype=jnp.int32))
+        return surrogate.log_score(each.mean(axis=0))
+
+    @jax.custom_jvp
+    def score(design: Array, seed: Array) -> Scalar:
+        return jnp.exp(log_score(design, seed))
+
+    @score.defjvp
+    def _(primals: tuple[Array, Array], tangents: tuple[Array, Any]) -> tuple[Scalar, Scalar]:
+        design, seed = primals
+        ways = jnp.asarray(np.concatenate([moves, -moves]))
+        factors = 0.75 ** jnp.arange(17)
+        gaps = jax.vmap(
+            lambda factor: jnp.min(
+                jax.vmap(lambda way: space.hand(design + factor * way).gap())(ways)
+            )
+        )(factors)
+        reach = factors[jnp.argmax(gaps > space.least_gap(0.5))]
+        logs = jax.lax.map(lambda way: log_score(design + reach * way, seed), ways)
+        half = 0.5 * (logs[: len(moves)] - logs[len(moves) :])
+        gradient = jnp.linalg.pinv(jnp.asarray(moves)) @ half / reach
+        value = score(design, seed)
+        return value, value * jnp.dot(gradient, tangents[0])
+
+    return lambda design, seed: score(jnp.asarray(design, float), jnp.asarray(seed, jnp.uint32))
 
 
 @dataclass(frozen=True)
@@ -198,20 +270,15 @@ class Pathwise:
     block: int = 256
 
     def __call__(
-        self,
-        surrogate: Surrogate,
-        space: Space,
-        design: Float[np.ndarray, " parameters"],
-        seed: int,
-    ) -> Gradient:
-        """The gradient at a design.
+        self, surrogate: Surrogate, space: Space, designs: Designs, seed: int
+    ) -> list[Gradient]:
+        """The gradients at some designs.
 
         Raises:
             ValueError: a surrogate of another form.
         """
         if surrogate.form != "horizon":
             raise ValueError(f"a pathwise gradient needs form 'horizon', not {surrogate.form!r}")
-        began = time.perf_counter()
         engine = Stepping(self.dt, surrogate.goal_layer)
 
         @jax.jit
@@ -223,13 +290,19 @@ class Pathwise:
 
             return values(at), jax.jacfwd(values)(at)
 
-        firsts = range(0, surrogate.trials, self.block)
+        return [self._at(surrogate, block, design) for design in designs]
+
+    def _at(
+        self,
+        surrogate: Surrogate,
+        block: Callable[[Array, Array], tuple[Array, Array]],
+        design: Float[np.ndarray, " parameters"],
+    ) -> Gradient:
+        began = time.perf_counter()
+        at, firsts = jnp.asarray(design, float), range(0, surrogate.trials, self.block)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             parts = list(
-                pool.map(
-                    lambda first: jax.device_get(block(np.int32(first), jnp.asarray(design))),
-                    firsts,
-                )
+                pool.map(lambda first: jax.device_get(block(jnp.int32(first), at)), firsts)
             )
         values = np.concatenate([part[0] for part in parts], axis=-1)[..., : surrogate.trials]
         slopes = np.concatenate([part[1] for part in parts], axis=-2)[..., : surrogate.trials, :]
@@ -237,8 +310,6 @@ class Pathwise:
         values, slopes, count = values[..., good], slopes[..., good, :], int(good.sum())
         means = values.mean(axis=-1)
         (value,), (weights,) = surrogate.judge(means[None])
-        # Of the score's logarithm: through the means' derivatives, and for the error through the
-        # means themselves.
         each = np.einsum("dk,dknp->pn", weights, slopes)
         deviations = np.einsum("dk,dkn->n", weights, values - means[..., None])
         influence = each - each.mean(axis=1, keepdims=True)
@@ -258,40 +329,36 @@ class Mixture:
     """Two estimators, each component weighted by the inverse of its variance.
 
     Arguments:
-        first, second: the estimators, and
-        softer: the surrogate's settings that the second one looks at, as `dataclasses.replace`
-            takes them; they differ where the two need different widths.
+        first, second: the estimators.
+        changes: what the second one's surrogate has otherwise, for instance
+            (("contact_layer", 0.2), ("trials", 256)).
     """
 
     first: Estimator
     second: Estimator
-    softer: tuple[tuple[str, Any], ...] = ()
+    changes: tuple[tuple[str, Any], ...] = ()
 
     def __call__(
-        self,
-        surrogate: Surrogate,
-        space: Space,
-        design: Float[np.ndarray, " parameters"],
-        seed: int,
-    ) -> Gradient:
-        """The gradient at a design; the value is the first one's."""
-        one = self.first(surrogate, space, design, seed)
-        two = self.second(replace(surrogate, **dict(self.softer)), space, design, seed ^ _OTHER)
-        share = np.array(two.se**2 / (one.se**2 + two.se**2))
-        mixed = share * one.gradient + (1 - share) * two.gradient
-        covariance = (
-            np.outer(share, share) * one.covariance
-            + np.outer(1 - share, 1 - share) * two.covariance
-        )
-        return Gradient(
-            one.value,
-            one.value_se,
-            mixed,
-            covariance,
-            max(one.largest_share, two.largest_share),
-            one.trials + two.trials,
-            one.seconds + two.seconds,
-        )
+        self, surrogate: Surrogate, space: Space, designs: Designs, seed: int
+    ) -> list[Gradient]:
+        """The gradients at some designs; the values are the first one's."""
+        ones = self.first(surrogate, space, designs, seed)
+        twos = self.second(replace(surrogate, **dict(self.changes)), space, designs, seed ^ _OTHER)
+        return [_mix(one, two) for one, two in zip(ones, twos, strict=True)]
+
+
+def _mix(one: Gradient, two: Gradient) -> Gradient:
+    share = two.se**2 / (one.se**2 + two.se**2)
+    rest = 1 - share
+    return Gradient(
+        one.value,
+        one.value_se,
+        share * one.gradient + rest * two.gradient,
+        np.outer(share, share) * one.covariance + np.outer(rest, rest) * two.covariance,
+        max(one.largest_share, two.largest_share),
+        one.trials + two.trials,
+        one.seconds + two.seconds,
+    )
 
 
 def open_reach(

@@ -179,19 +179,29 @@ class Surrogate:
         )
         return replace(scenario, law=law)
 
-    def sample(self, hands: Sequence[HandDesign], seed: int, base: HandDesign) -> Sample:
+    def sample(
+        self, hands: Sequence[HandDesign], seed: int, bases: Sequence[HandDesign] | None = None
+    ) -> Sample:
         """Runs the same trials with every hand.
 
         Arguments:
-            hands: they differ little from `base`, in which a cloud is made.
+            hands: to be compared.
             seed: trial i depends on (seed, i) alone.
-            base: the hand in the middle.
+            bases: hands in which clouds are made, each for as many of `hands` in turn, which differ
+                little from it; unless given, each hand has its own.
         """
         each = [[self.softened(s) for s in self.task.scenarios(hand)] for hand in hands]
         flat = [scenario for scenarios in each for scenario in scenarios]
         engine = self.engine(flat)
         if self.form == "cloud":
-            values, wrong = self._sample_cloud(each, engine, seed, base)
+            bases = hands if bases is None else bases
+            share = len(hands) // len(bases)
+            parts = [
+                self._sample_cloud(each[k * share : (k + 1) * share], engine, seed, base)
+                for k, base in enumerate(bases)
+            ]
+            values = np.concatenate([part[0] for part in parts])
+            wrong = np.concatenate([part[1] for part in parts])
         else:
             values, wrong = self._sample_horizon(flat, engine, seed)
         shape = len(hands), len(self.task.directions)

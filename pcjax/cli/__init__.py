@@ -1,0 +1,65 @@
+"""The command line: evaluate a hand, optimise one, redo a figure, check the paper's claims."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from pcjax.cli.claims import add_claims
+from pcjax.cli.evaluate import add_evaluate
+from pcjax.cli.figure import add_figure
+from pcjax.cli.optimize import add_optimize
+from pcjax.cli.parts import HelpFormatter, NegativeNumber, Parser, fail
+from pcjax.compilation_cache import use_compilation_cache
+from pcjax.results import package_version
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Runs one command. Exit status 0, 2 for bad input, 130 when interrupted."""
+    arguments = _parse(sys.argv[1:] if argv is None else list(argv))
+    use_compilation_cache()
+    try:
+        arguments.run(arguments)
+    except ValueError as error:
+        fail(str(error))
+    except OSError as error:
+        fail(f"cannot write {error.filename or 'the output'}: {error.strerror or error}")
+    except KeyboardInterrupt:
+        print("pcjax: interrupted", file=sys.stderr)
+        sys.exit(130)
+
+
+def _parse(argv: list[str]) -> argparse.Namespace:
+    parser = Parser(
+        prog="pcjax",
+        description="How well a planar robot hand cages an object without closing on it.",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"pcjax {package_version()}")
+    commands = parser.add_subparsers(dest="command", metavar="command")
+    each = {
+        "evaluate": (add_evaluate, "evaluate one hand: DoEs, EoEn and the score"),
+        "optimize": (add_optimize, "look for a better hand"),
+        "figure": (add_figure, "redo one of the paper's figures"),
+        "claims": (add_claims, "check the paper's claims"),
+    }
+    subparsers = {}
+    for name, (add, text) in each.items():
+        subparsers[name] = commands.add_parser(
+            name,
+            help=text,
+            description=text[0].upper() + text[1:] + ".",
+            allow_abbrev=False,
+            formatter_class=HelpFormatter,
+        )
+        # "-1e1", "-inf" and "-nan" are values, not flags.
+        subparsers[name]._negative_number_matcher = NegativeNumber()
+        add(subparsers[name])
+    arguments, unknown = parser.parse_known_args(argv)
+    if unknown:
+        subparsers.get(arguments.command, parser).unknown(unknown)
+    if arguments.command is None:
+        parser.print_help()
+        sys.exit(0)
+    return arguments

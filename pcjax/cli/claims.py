@@ -1,0 +1,50 @@
+"""`pcjax claims`: the paper's claims and what came out."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import xarray as xr
+
+from pcjax.claims import FIGURES_NEEDED, judge_claims
+from pcjax.cli.parts import (
+    add_run,
+    run_settings,
+)
+from pcjax.figures import run_figure
+
+
+def add_claims(parser: argparse.ArgumentParser) -> None:
+    add_run(parser, trials=1000)
+    parser.add_argument(
+        "--results",
+        type=Path,
+        default=None,
+        metavar="DIR",
+        help="judge kept data (fig9a.nc, fig9b.nc, ...) instead of running anew",
+    )
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> None:
+    figures = {}
+    for name in FIGURES_NEEDED:
+        if arguments.results is None:
+            figures[name] = run_figure(name, **run_settings(arguments))
+        else:
+            figures[name] = _load_figure(arguments.results / f"fig{name}.nc", name)
+    for claim in judge_claims(figures):
+        print(f"{claim.number}. {claim.verdict.upper()}: {claim.text}\n     {claim.evidence}")
+
+
+def _load_figure(path: Path, name: str) -> xr.Dataset:
+    if not path.is_file():
+        raise ValueError(f"{path} is missing: --results has to name a folder with fig{name}.nc")
+    try:
+        data = xr.load_dataset(path, engine="h5netcdf")
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path} is no netCDF file that can be read") from error
+    if data.attrs.get("figure") != name:
+        raise ValueError(f"{path} does not hold Fig. {name}: make it by 'pcjax figure {name}'")
+    return data

@@ -1,0 +1,167 @@
+"""The flags that describe a hand, its object and its drive, and the study file in their place."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+from pcjax import paper
+from pcjax.cli.parts import number
+from pcjax.model.arm import PlanarArm
+from pcjax.model.body import Circle, Stick
+from pcjax.model.contact_law import ContactLaw
+from pcjax.model.drive import WristTilt
+from pcjax.model.hand import box_hand, two_joint_hand
+from pcjax.study import Study, load_study
+
+_FLAGS = (
+    "scenario",
+    "body",
+    "fingertip_angle",
+    "joint_angles",
+    "palm_length",
+    "fingertip_length",
+    "gap_width",
+    "radius",
+    "orientation",
+    "restitution",
+    "gravity",
+)
+
+
+def add_condition(parser: argparse.ArgumentParser) -> None:
+    """The flags."""
+    add = parser.add_argument
+    add(
+        "study",
+        type=Path,
+        nargs="?",
+        default=None,
+        metavar="FILE",
+        help="a study file (TOML) with hand, body, drive and contact, in place of flags for them",
+    )
+    add(
+        "--scenario",
+        choices=("wrist", "arm"),
+        default=None,
+        help="what moves the hand (default: wrist)",
+    )
+    add("--body", choices=("circle", "stick"), default=None, help="the object (default: circle)")
+    add(
+        "--fingertip-angle",
+        type=number,
+        default=None,
+        metavar="DEG",
+        help=f"theta_g, degrees, of the wrist's box hand (default: {paper.BEST_ANGLE_DEG:g})",
+    )
+    first, second = paper.ARM_JOINT_ANGLES_DEG
+    add(
+        "--joint-angles",
+        type=number,
+        nargs=2,
+        default=None,
+        metavar=("A", "B"),
+        help=f"theta_i1 and theta_i2, degrees, of the arm's hand (default: {first:g} {second:g})",
+    )
+    add(
+        "--palm-length",
+        type=number,
+        default=None,
+        metavar="L",
+        help=f"L_p, model units (default: {paper.WRIST_PALM_LENGTH:g} on the wrist, "
+        f"{paper.ARM_PALM_LENGTH:g} on the arm)",
+    )
+    add(
+        "--fingertip-length",
+        type=number,
+        default=None,
+        metavar="L",
+        help="L_g, model units, of the wrist's box hand (default: 0.2 L_p)",
+    )
+    add(
+        "--gap-width",
+        type=number,
+        default=None,
+        metavar="W",
+        help="W_g, model units, of the wrist's box hand (default: 0.4 L_p)",
+    )
+    add(
+        "--radius",
+        type=number,
+        default=None,
+        metavar="R",
+        help="r_o, a circle's radius or a stick's half length, model units (default: 0.05 L_p on "
+        f"the wrist, {paper.ARM_RADIUS:g} on the arm)",
+    )
+    add(
+        "--orientation",
+        type=number,
+        default=None,
+        metavar="DEG",
+        help="a stick's angle from the palm at the start, degrees (default: 0)",
+    )
+    add(
+        "--restitution",
+        type=number,
+        default=None,
+        metavar="E",
+        help=f"e_r (default: {paper.RESTITUTION:g})",
+    )
+    add(
+        "--gravity",
+        type=number,
+        default=None,
+        metavar="G",
+        help=f"g (default: {paper.GRAVITY:g})",
+    )
+
+
+def condition(arguments: argparse.Namespace) -> Study:
+    """What the flags or the study file ask for; flags that do not apply are refused."""
+    if arguments.study is not None:
+        for flag in _FLAGS:
+            if getattr(arguments, flag) is not None:
+                raise ValueError(
+                    f"--{flag.replace('_', '-')} does not go with a study file: say it there"
+                )
+        return load_study(arguments.study)
+    arm, stick = arguments.scenario == "arm", arguments.body == "stick"
+    gravity = _given(arguments.gravity, paper.GRAVITY)
+    for flag, applies, why in (
+        ("fingertip_angle", not arm, "the arm's two-joint hand has --joint-angles"),
+        ("fingertip_length", not arm, "it belongs to the wrist's box hand"),
+        ("gap_width", not arm, "it belongs to the wrist's box hand"),
+        ("joint_angles", arm, "the wrist's box hand has --fingertip-angle"),
+        ("orientation", stick, "a circle has none; --body stick has"),
+    ):
+        if getattr(arguments, flag) is not None and not applies:
+            name = "--" + flag.replace("_", "-")
+            where = "--body circle" if flag == "orientation" else "--scenario "
+            where += "" if flag == "orientation" else ("arm" if arm else "wrist")
+            raise ValueError(f"{name} does not apply to {where}: {why}")
+    if arm:
+        angles = arguments.joint_angles or paper.ARM_JOINT_ANGLES_DEG
+        hand = two_joint_hand(
+            *(math.radians(angle) for angle in angles),
+            palm_length=_given(arguments.palm_length, paper.ARM_PALM_LENGTH),
+            lengths=paper.ARM_FINGER,
+        )
+        drive, radius = PlanarArm(gravity=gravity), paper.ARM_RADIUS
+    else:
+        length = _given(arguments.palm_length, paper.WRIST_PALM_LENGTH)
+        hand = box_hand(
+            math.radians(_given(arguments.fingertip_angle, paper.BEST_ANGLE_DEG)),
+            palm_length=length,
+            gap_width=arguments.gap_width,
+            fingertip_length=arguments.fingertip_length,
+        )
+        drive, radius = WristTilt(gravity=gravity), 0.05 * length
+    radius = _given(arguments.radius, radius)
+    orientation = math.radians(_given(arguments.orientation, 0.0))
+    law = ContactLaw(restitution=_given(arguments.restitution, paper.RESTITUTION))
+    return Study(hand, Stick(radius, orientation) if stick else Circle(radius), drive, law)
+
+
+def _given(value: float | None, default: float) -> float:
+    return default if value is None else value

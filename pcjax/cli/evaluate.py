@@ -1,0 +1,48 @@
+"""`pcjax evaluate`: one hand."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from pcjax import paper
+from pcjax.cli.condition import add_condition, condition
+from pcjax.cli.parts import add_run, check_picture, check_writable, run_settings, save_picture
+from pcjax.evaluate import evaluate
+
+
+def add_evaluate(parser: argparse.ArgumentParser) -> None:
+    """The command's arguments."""
+    add_condition(parser)
+    add = parser.add_argument
+    add(
+        "--direction",
+        choices=("does", "eoen", "both"),
+        default=None,
+        help="what to evaluate (default: both on the wrist, does on the arm)",
+    )
+    add_run(parser, trials=paper.TRIALS)
+    add("--json", action="store_true", help="print one JSON object on stdout, nothing else")
+    add("--plot", type=Path, default=None, metavar="FILE", help="draw hand and survival curves")
+    add("--out", type=Path, default=None, metavar="FILE", help="keep everything as netCDF")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> None:
+    check_picture(arguments.plot)
+    check_writable(arguments.out)
+    study = condition(arguments)
+    result = evaluate(
+        study.hand,
+        study.body,
+        direction=arguments.direction,
+        drive=study.drive,
+        law=study.law,
+        **run_settings(arguments),
+    )
+    if arguments.out:
+        result.save(arguments.out)
+    if arguments.plot:
+        save_picture("plot_evaluation", result, arguments.plot)
+    print(json.dumps(result.as_json()) if arguments.json else result)

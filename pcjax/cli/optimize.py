@@ -1,0 +1,213 @@
+"""`pcjax optimize`: a better hand."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from pcjax.cli.condition import add_condition, condition
+from pcjax.cli.parts import (
+    check_picture,
+    check_writable,
+    number,
+    save_picture,
+    whole,
+    write_text,
+)
+from pcjax.design.optimize import Optimum, Settings, optimize
+from pcjax.design.space import HELP, DesignSpace, design_space
+from pcjax.evaluate import default_max_steps
+from pcjax.model.drive import WristTilt
+from pcjax.model.scenario import check_geometry
+from pcjax.quality.gradients import Differences, Estimator, Mixture, Pathwise
+from pcjax.quality.indices import Estimate
+from pcjax.quality.surrogate import FORMS, OBJECTIVES, Surrogate, Task
+
+_ESTIMATORS: dict[str, Estimator] = {
+    "factorial": Differences("factorial"),
+    "axial": Differences("axial"),
+    "evolution": Differences("gaussian"),
+    "pathwise": Pathwise(),
+    "mixture": Mixture(Differences("factorial"), Pathwise(), (("contact_layer", 0.2),)),
+}
+
+_COMPLIANT = 0.2
+"""Contact layer, in radii, with which pathwise gradients are least noisy."""
+
+
+def add_optimize(parser: argparse.ArgumentParser) -> None:
+    """The command's arguments."""
+    add_condition(parser)
+    add = parser.add_argument
+    add(
+        "--free",
+        action="append",
+        type=_free,
+        default=None,
+        metavar="NAME[=LOW:HIGH]",
+        help="a parameter that may change, with bounds in degrees or model lengths; again for "
+        f"more: {HELP} (default: fingertip-angle and fingertip-length; on the arm joint-angle-1 "
+        "and joint-angle-2)",
+    )
+    add(
+        "--clearance",
+        type=number,
+        default=None,
+        metavar="L",
+        help="the least that the gap has to be wider than the object (default: 0.04 L_p)",
+    )
+    add(
+        "--objective",
+        choices=OBJECTIVES,
+        default="index1",
+        help="what the score is made of; escape_rate has no step limit in it",
+    )
+    add("--form", choices=FORMS, default="horizon", help="what the gradient is taken of")
+    add("--estimator", choices=tuple(_ESTIMATORS), default="factorial", help="of the gradient")
+    add("--starts", type=whole, default=1, help="the hand given, and others spread over the bounds")
+    add("--iterations", type=whole, default=Settings.iterations, help="at most")
+    add("--trials", type=whole, default=1000, help="trials of a hand and direction, an iteration")
+    add(
+        "--accept-trials",
+        type=whole,
+        default=Settings.accept_trials,
+        help="trials of the final comparison of start and result",
+    )
+    add(
+        "--max-steps",
+        type=whole,
+        default=None,
+        help="limit, steps of 0.001 s (default: the paper's)",
+    )
+    add("--seed", type=whole, default=0, help="of everything")
+    add("--json", action="store_true", help="print one JSON object on stdout, nothing else")
+    add("--out", type=Path, default=None, metavar="FILE", help="keep the hand as a study file")
+    add("--plot", type=Path, default=None, metavar="FILE", help="draw hands, history and map")
+    add(
+        "--checkpoint",
+        type=Path,
+        default=None,
+        metavar="FILE",
+        help="keep the state here after each iteration, and go on from it if it is there",
+    )
+    parser.set_defaults(run=_run)
+
+
+def _free(text: str) -> tuple[str, tuple[float, float] | None]:
+    name, _, bounds = text.partition("=")
+    if not bounds:
+        if "=" in text:
+            raise argparse.ArgumentTypeError(f"{text!r} has no bounds after =")
+        return name, None
+    low, colon, high = bounds.partition(":")
+    if not colon:
+        raise argparse.ArgumentTypeError(f"{text!r} has to be like fingertip-angle=-30:50")
+    return name, (number(low), number(high))
+
+
+def _run(arguments: argparse.Namespace) -> None:
+    check_picture(arguments.plot)
+    check_writable(arguments.out)
+    check_writable(arguments.checkpoint)
+    study = condition(arguments)
+    free = arguments.free
+    if free is None:
+        wrist = isinstance(study.drive, WristTilt)
+        names = ("fingertip_angle", "fingertip_length")
+        free = [(n, None) for n in (names if wrist else ("joint_angle_1", "joint_angle_2"))]
+    names = [name for name, _ in free]
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"--free {name} is there twice")
+    space = design_space(study.hand, dict(free), float(study.body.width), arguments.clearance)
+    task = Task(
+        study.body,
+        study.drive,
+        ("does", "eoen") if study.hand.can_turn_fingertips() else ("does",),
+        default_max_steps(study.body, study.drive)
+        if arguments.max_steps is None
+        else arguments.max_steps,
+        study.law,
+    )
+    compliant = arguments.estimator == "pathwise"
+    surrogate = Surrogate(
+        task,
+        objective=arguments.objective,
+        form=arguments.form,
+        trials=arguments.trials,
+        contact_layer=_COMPLIANT if compliant else 0.0,
+    )
+    settings = Settings(
+        iterations=arguments.iterations,
+        starts=arguments.starts,
+        accept_trials=arguments.accept_trials,
+        seed=arguments.seed,
+    )
+    for scenario in task.scenarios(space.hand(space.nearest_allowed(space.design_of(study.hand)))):
+        check_geometry(scenario)
+    began = time.perf_counter()
+    found = optimize(
+        surrogate,
+        space,
+        settings,
+        estimator=_ESTIMATORS[arguments.estimator],
+        checkpoint=arguments.checkpoint,
+        progress=True,
+    )
+    seconds = time.perf_counter() - began
+    if arguments.out:
+        best = replace(study, hand=space.hand(found.best))
+        write_text(arguments.out, best.to_toml())
+    if arguments.plot:
+        save_picture("plot_optimum", (found, space, surrogate), arguments.plot)
+    if arguments.json:
+        print(json.dumps(as_json(found, space, seconds)))
+    else:
+        print(as_text(found, space, surrogate, seconds))
+
+
+def as_json(found: Optimum, space: DesignSpace, seconds: float) -> dict[str, Any]:
+    """The result as one JSON object."""
+
+    def side(design: Any, score: Estimate) -> dict[str, Any]:
+        return {"parameters": space.named(design), "score": asdict(score)}
+
+    return {
+        "start": side(found.start, found.start_score),
+        "best": side(found.best, found.best_score),
+        "improvement": asdict(found.improvement),
+        "iterations": found.progress.iteration,
+        "trials": found.trials,
+        "wall_seconds": seconds,
+    }
+
+
+def as_text(found: Optimum, space: DesignSpace, surrogate: Surrogate, seconds: float) -> str:
+    """The result as a table and a verdict."""
+    what = "score DoEs / EoEn" if len(surrogate.task.directions) == 2 else "DoEs"
+    lines = [f"{'':20}{'start':>12}{'best':>12}"]
+    for p, a, b in zip(space.free, found.start, found.best, strict=True):
+        unit = f" [{p.unit}]" if p.unit else ""
+        lines.append(f"{p.name + unit:20}{a:>12.4g}{b:>12.4g}")
+    for title, score in (("start", found.start_score), ("best", found.best_score)):
+        lines.append(
+            f"{what} by {surrogate.objective}, {title}: {score.value:,.4f} ± {score.se:.4f} "
+            f"[{score.low:,.4f}, {score.high:,.4f}]"
+        )
+    gain = found.improvement
+    verdict = "better" if found.better else "not better for certain"
+    lines.append(
+        f"improvement: {gain.value:,.4f} ± {gain.se:.4f} [{gain.low:,.4f}, {gain.high:,.4f}]: "
+        f"{verdict} (exact, unseen trials, the same for both; 95 % interval)"
+    )
+    for design, score in found.candidates if len(found.candidates) > 1 else []:
+        lines.append(f"  a start ended at {space.describe(design)}: {score.value:,.4f}")
+    stop = "interrupted after " if found.interrupted else ""
+    lines.append(
+        f"{stop}{found.progress.iteration} iterations, {found.trials:,} trials, {seconds:.1f} s"
+    )
+    return "\n".join(lines)

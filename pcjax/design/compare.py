@@ -1,0 +1,86 @@
+"""Exact scores of designs, compared on the same trials."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from pcjax.design.space import DesignSpace
+from pcjax.quality.indices import Estimate
+from pcjax.quality.surrogate import Surrogate
+
+_Z95 = 1.959964
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Exact scores of some designs, all on the same trials.
+
+    Attributes:
+        scores: of each design; the ratio DoEs / EoEn, or DoEs alone where there is no EoEn.
+        logs: their logarithms.
+        covariance: of the logarithms.
+        trials: of each design and direction.
+        invalid: the most trials of one design that went wrong; they are left out everywhere.
+    """
+
+    scores: list[Estimate]
+    logs: Float[np.ndarray, " designs"]
+    covariance: Float[np.ndarray, "designs designs"]
+    trials: int
+    invalid: int
+
+    @property
+    def best(self) -> int:
+        """Which design has the highest score."""
+        return int(np.argmax(self.logs))
+
+    def improvement(self, start: int, end: int) -> Estimate:
+        """How much higher the score of design `end` is than that of `start`."""
+        values = np.exp(self.logs[[start, end]])
+        jacobian = np.array([-values[0], values[1]])
+        pair = np.ix_([start, end], [start, end])
+        se = math.sqrt(max(float(jacobian @ self.covariance[pair] @ jacobian), 0.0))
+        value = float(values[1] - values[0])
+        return Estimate(value, se, value - _Z95 * se, value + _Z95 * se)
+
+
+def compare(
+    surrogate: Surrogate,
+    space: DesignSpace,
+    designs: Sequence[Float[np.ndarray, " parameters"]],
+    *,
+    trials: int,
+    seed: int,
+) -> Comparison:
+    """The exact scores of designs.
+
+    Arguments:
+        surrogate: whose task and objective count.
+        space: of the designs.
+        designs: to be compared.
+        trials: for each design and direction.
+        seed: trial i is the same experiment for every design.
+    """
+    exact = replace(surrogate, form="exact", trials=trials)
+    sample = exact.sample([space.hand(design) for design in designs], seed)
+    means, count = sample.means(), int(sample.valid.sum())
+    logs, slopes = exact.judge(means)
+    deviations = sample.values[..., sample.valid] - means[..., None]
+    influence = np.einsum("vdk,vdkn->vn", slopes, deviations)
+    covariance = influence @ influence.T / (count * (count - 1))
+    errors = np.sqrt(np.diag(covariance))
+    scores = [
+        Estimate(
+            math.exp(log),
+            math.exp(log) * error,
+            math.exp(log - _Z95 * error),
+            math.exp(log + _Z95 * error),
+        )
+        for log, error in zip(logs, errors, strict=True)
+    ]
+    return Comparison(scores, logs, covariance, trials, sample.invalid)

@@ -1,0 +1,387 @@
+"""The design loop: estimated gradients drive optax; the result is accepted on the exact score.
+
+Every iteration has trials of its own. So do the exact checkpoints along the way, the choice among
+several starts, and the final comparison of start and result: three sets of seeds that the gradients
+have never seen.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Float
+from scipy.stats import qmc
+from tqdm import tqdm
+
+from pcjax.checks import check_between, check_count
+from pcjax.design.compare import compare
+from pcjax.design.space import DesignSpace
+from pcjax.quality.gradients import Differences, Estimator, Gradient
+from pcjax.quality.indices import Estimate
+from pcjax.quality.surrogate import Surrogate
+
+Design = Float[np.ndarray, " parameters"]
+
+_CHECKPOINT, _CHOICE, _ACCEPTANCE = 0x10000000, 0x20000000, 0x30000000
+"""Added to the seed for the exact checkpoints, the choice among starts, and the acceptance."""
+
+_WINDOW = 6
+"""Iterations whose mean designs and values are compared to see whether anything still moves."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to optimise.
+
+    Arguments:
+        iterations: at most.
+        starts: the first from the given hand, the others spread over the space.
+        rate: first learning rate, in the parameters' scales (10 degrees, 0.1 L_p) an iteration; it
+            falls to 0 along a cosine.
+        check_every: iterations between exact checkpoints.
+        check_trials: trials of each.
+        accept_trials: trials of the final comparison.
+        seed: of everything.
+
+    Raises:
+        ValueError: a number out of range.
+    """
+
+    iterations: int = 24
+    starts: int = 1
+    rate: float = 0.35
+    check_every: int = 6
+    check_trials: int = 1000
+    accept_trials: int = 10_000
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_count("iterations", self.iterations, 1, 100_000)
+        check_count("starts", self.starts, 1, 1000)
+        check_between("rate", self.rate, 1e-6, 10.0)
+        check_count("check_every", self.check_every, 1, 100_000)
+        check_count("check_trials", self.check_trials, 2, 2**24)
+        check_count("accept_trials", self.accept_trials, 2, 2**24)
+        check_count("seed", self.seed, 0, 2**28 - 1)
+
+
+@dataclass
+class Step:
+    """One iteration of one start: where it was and what it saw; with `exact`, a checkpoint."""
+
+    design: list[float]
+    value: float
+    value_se: float
+    gradient: list[float]
+    gradient_se: list[float]
+    exact: float | None = None
+    exact_se: float | None = None
+
+
+@dataclass
+class Progress:
+    """Where an optimisation is, as the checkpoint file keeps it.
+
+    Attributes:
+        history: the steps of each start.
+        designs: where each start is now.
+        state: optax's numbers for each start.
+        trials, seconds: spent so far.
+        stopped: which starts have come to rest.
+    """
+
+    history: list[list[Step]]
+    designs: list[list[float]]
+    state: list[list[Any]]
+    trials: int = 0
+    seconds: float = 0.0
+    stopped: list[bool] = field(default_factory=list)
+
+    @property
+    def iteration(self) -> int:
+        """Iterations done."""
+        return max(len(steps) for steps in self.history)
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """What an optimisation found.
+
+    Attributes:
+        start, best: designs.
+        start_score, best_score: exact, on trials that nothing else has used.
+        improvement: of the exact score, from the same trials for both.
+        candidates: where each start ended, and its exact score on the trials of the choice.
+        progress: the whole history.
+        trials: simulated in all.
+        interrupted: whether it was stopped before its end.
+    """
+
+    start: Design
+    best: Design
+    start_score: Estimate
+    best_score: Estimate
+    improvement: Estimate
+    candidates: list[tuple[Design, Estimate]]
+    progress: Progress
+    trials: int
+    interrupted: bool
+
+    @property
+    def better(self) -> bool:
+        """Whether the result is better than the start for certain (95 %)."""
+        return self.improvement.low > 0
+
+
+def optimize(
+    surrogate: Surrogate,
+    space: DesignSpace,
+    settings: Settings | None = None,
+    *,
+    estimator: Estimator | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+    progress: bool = False,
+) -> Optimum:
+    """Looks for the design with the highest score.
+
+    Arguments:
+        surrogate: the relaxed score whose gradient is followed.
+        space: what may change; its base hand is the start.
+        settings: see `Settings`.
+        estimator: of the gradient; factorial differences unless given.
+        checkpoint: a file to keep the state in after every iteration. If it is there already, the
+            optimisation goes on from it.
+        progress: whether to show a bar on stderr.
+
+    Returns:
+        The best design with its exact score, compared with the start. Ctrl-C ends the loop early
+        and keeps the best so far.
+
+    Raises:
+        ValueError: no allowed hand, or a checkpoint file of another optimisation.
+    """
+    settings = Settings() if settings is None else settings
+    estimator = Differences() if estimator is None else estimator
+    path = None if checkpoint is None else Path(checkpoint)
+    starts = starting_designs(space, settings.starts, settings.seed)
+    rule = optax.adam(optax.cosine_decay_schedule(settings.rate, settings.iterations))
+    told = _fingerprint(surrogate, space, settings, estimator)
+    state = _load(path, told) if path is not None and path.exists() else None
+    if state is None:
+        blank = _numbers(rule.init(jnp.zeros(len(space.free))))
+        count = len(starts)
+        state = Progress(
+            [[] for _ in starts],
+            [list(map(float, start)) for start in starts],
+            [blank for _ in range(count)],
+            stopped=[False] * count,
+        )
+    interrupted = False
+    bar = tqdm(
+        total=settings.iterations,
+        initial=state.iteration,
+        desc="optimise",
+        unit="iteration",
+        disable=None if progress else True,
+        leave=False,
+    )
+    with bar:
+        try:
+            while state.iteration < settings.iterations and not all(state.stopped):
+                state = _iterate(state, surrogate, space, settings, estimator, rule)
+                if path is not None:
+                    _keep(path, told, state)
+                bar.update()
+                last = [steps[-1] for steps in state.history]
+                bar.set_postfix_str(f"score {math.exp(max(s.value for s in last)):.4g}")
+        except KeyboardInterrupt:
+            interrupted = True
+    return _accept(state, starts[0], surrogate, space, settings, interrupted)
+
+
+def starting_designs(space: DesignSpace, count: int, seed: int) -> list[Design]:
+    """The base hand's design and others spread over the space (Sobol), all allowed.
+
+    Raises:
+        ValueError: no allowed design was found.
+    """
+    first = space.nearest_allowed(space.design_of(space.base))
+    if count == 1:
+        return [first]
+    draws = qmc.Sobol(len(space.free), rng=seed).random_base2((count - 1).bit_length())
+    spread = space.low + draws[: count - 1] * (space.high - space.low)
+    return [first, *(space.nearest_allowed(design, first) for design in spread)]
+
+
+def _iterate(
+    state: Progress,
+    surrogate: Surrogate,
+    space: DesignSpace,
+    settings: Settings,
+    estimator: Estimator,
+    rule: optax.GradientTransformation,
+) -> Progress:
+    """The state after one more iteration of every start that still moves."""
+    began = time.perf_counter()
+    k, trials = state.iteration, state.trials
+    going = [n for n, stopped in enumerate(state.stopped) if not stopped]
+    at = [np.array(state.designs[n]) for n in going]
+    found = estimator(surrogate, space, at, settings.seed + k)
+    exact = None
+    if k % settings.check_every == 0:
+        exact = compare(
+            surrogate,
+            space,
+            at,
+            trials=settings.check_trials,
+            seed=settings.seed + _CHECKPOINT,
+        )
+        trials += exact.trials * len(at) * len(surrogate.task.directions)
+    history = [list(steps) for steps in state.history]
+    designs, numbers, stopped = list(state.designs), list(state.state), list(state.stopped)
+    for place, (n, design, gradient) in enumerate(zip(going, at, found, strict=True)):
+        step = _step_of(design, gradient)
+        if exact is not None:
+            step.exact, step.exact_se = exact.scores[place].value, exact.scores[place].se
+        history[n].append(step)
+        designs[n], numbers[n] = _moved(rule, space, design, gradient, numbers[n])
+        stopped[n] = at_rest(history[n])
+        trials += gradient.trials
+    return Progress(
+        history, designs, numbers, trials, state.seconds + time.perf_counter() - began, stopped
+    )
+
+
+def _moved(
+    rule: optax.GradientTransformation,
+    space: DesignSpace,
+    design: Design,
+    gradient: Gradient,
+    numbers: list[Any],
+) -> tuple[list[float], list[Any]]:
+    """The next design and optax's state, by a step uphill in the parameters' scales."""
+    like = rule.init(jnp.zeros(len(design)))
+    state = jax.tree.unflatten(
+        jax.tree.structure(like),
+        [
+            jnp.asarray(n, leaf.dtype)
+            for n, leaf in zip(numbers, jax.tree.leaves(like), strict=True)
+        ],
+    )
+    downhill = jnp.asarray(-gradient.gradient * space.scales)
+    updates, state = rule.update(downhill, state)
+    moved = space.nearest_allowed(design + np.asarray(updates) * space.scales, design)
+    return list(map(float, moved)), _numbers(state)
+
+
+def at_rest(steps: Sequence[Step]) -> bool:
+    """Whether the mean score of the last iterations is no higher than before, within noise."""
+    if len(steps) < 2 * _WINDOW:
+        return False
+    values = np.array([step.value for step in steps[-2 * _WINDOW :]])
+    errors = np.array([step.value_se for step in steps[-2 * _WINDOW :]])
+    gain = values[_WINDOW:].mean() - values[:_WINDOW].mean()
+    return bool(gain < 0.5 * math.sqrt(np.mean(errors**2) * 2 / _WINDOW))
+
+
+def settled_design(space: DesignSpace, steps: Sequence[Step], last: Sequence[float]) -> Design:
+    """The mean of the last designs of a start, which is less noisy than any of them."""
+    designs = [step.design for step in steps[-max(len(steps) // 3, 1) :]]
+    return space.nearest_allowed(np.mean([*designs, last], axis=0), np.array(last))
+
+
+def _accept(
+    state: Progress,
+    start: Design,
+    surrogate: Surrogate,
+    space: DesignSpace,
+    settings: Settings,
+    interrupted: bool,
+) -> Optimum:
+    """Chooses among the starts and compares the choice with the start, on trials of their own."""
+    ends = [
+        settled_design(space, steps, design)
+        for steps, design in zip(state.history, state.designs, strict=True)
+    ]
+    choice = compare(
+        surrogate,
+        space,
+        ends,
+        trials=settings.accept_trials,
+        seed=settings.seed + _CHOICE,
+    )
+    best = ends[choice.best]
+    final = compare(
+        surrogate,
+        space,
+        [start, best],
+        trials=settings.accept_trials,
+        seed=settings.seed + _ACCEPTANCE,
+    )
+    return Optimum(
+        start,
+        best,
+        final.scores[0],
+        final.scores[1],
+        final.improvement(0, 1),
+        list(zip(ends, choice.scores, strict=True)),
+        state,
+        state.trials + (len(ends) + 2) * settings.accept_trials * len(surrogate.task.directions),
+        interrupted,
+    )
+
+
+def _step_of(design: Design, gradient: Gradient) -> Step:
+    return Step(
+        list(map(float, design)),
+        gradient.value,
+        gradient.value_se,
+        list(map(float, gradient.gradient)),
+        list(map(float, gradient.se)),
+    )
+
+
+def _numbers(state: Any) -> list[Any]:
+    """An optax state as numbers and lists."""
+    return [np.asarray(leaf).tolist() for leaf in jax.tree.leaves(state)]
+
+
+def _fingerprint(
+    surrogate: Surrogate, space: DesignSpace, settings: Settings, estimator: Estimator
+) -> str:
+    """Everything that an optimisation depends on, as text."""
+    return "\n".join(repr(part) for part in (surrogate, space, settings, estimator))
+
+
+def _keep(path: Path, told: str, state: Progress) -> None:
+    """Writes the checkpoint; the old one stays until the new one is complete."""
+    unfinished = path.with_name(f".{path.name}.unfinished")
+    unfinished.write_text(json.dumps({"of": told, "state": asdict(state)}, indent=1) + "\n")
+    os.replace(unfinished, path)
+
+
+def _load(path: Path, told: str) -> Progress:
+    try:
+        kept = json.loads(path.read_text())
+        state = kept["state"]
+        history = [[Step(**step) for step in steps] for steps in state.pop("history")]
+        found = Progress(history, **state)
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path} is no checkpoint of an optimisation: remove it") from error
+    if kept["of"] != told:
+        raise ValueError(
+            f"{path} was kept by an optimisation with other settings: name another file, or "
+            "remove it to begin anew"
+        )
+    return found
