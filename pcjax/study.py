@@ -38,7 +38,7 @@ class Study:
         lines = [
             "[hand]",
             f"palm_length = {float(hand.palm_length)!r}",
-            "# Of finger 1 and finger 2, from the palm outwards: limbs, and the joints before them.",
+            "# Of finger 1 and 2, from the palm outwards: the limbs, and the joints before them.",
             f"lengths = {lengths}",
             f"angles_deg = {angles}",
             "",

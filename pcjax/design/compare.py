@@ -69,9 +69,10 @@ def compare(
     exact = replace(surrogate, form="exact", trials=trials)
     sample = exact.sample([space.hand(design) for design in designs], seed)
     means, count = sample.means(), int(sample.valid.sum())
-    logs, slopes = exact.judge(means)
+    each, slopes = exact.judge(means)
+    logs = each @ exact.signs
     deviations = sample.values[..., sample.valid] - means[..., None]
-    influence = np.einsum("vdk,vdkn->vn", slopes, deviations)
+    influence = np.einsum("d,vdk,vdkn->vn", exact.signs, slopes, deviations)
     covariance = influence @ influence.T / (count * (count - 1))
     errors = np.sqrt(np.diag(covariance))
     scores = [

@@ -240,7 +240,7 @@ class DesignSpace:
         """The design that a hand is."""
         return np.array([float(p.read(hand)) for p in self.free])
 
-    def hand(self, design: Float[Array, " parameters"] | Sequence[float]) -> HandDesign:
+    def hand(self, design: Array | np.ndarray | Sequence[float]) -> HandDesign:
         """The hand of a design; differentiable."""
         lengths: Rows = [list(ls) for ls in self.base.lengths]
         angles: Rows = [list(ts) for ts in self.base.angles]

@@ -40,6 +40,9 @@ _OTHER = 0x5BD1E995
 """Tells the seeds of a mixture's two estimators apart."""
 
 
+Numbers = Array | np.ndarray | Sequence[float]
+
+
 class Space(Protocol):
     """What a gradient is taken in: vectors that stand for hands."""
 
@@ -53,7 +56,7 @@ class Space(Protocol):
 
     def least_gap(self, share: float) -> float: ...
 
-    def hand(self, design: Float[Array, " parameters"]) -> HandDesign: ...
+    def hand(self, design: Numbers) -> HandDesign: ...
 
     def open(self, design: Float[np.ndarray, " parameters"], share: float) -> bool: ...
 
@@ -66,6 +69,8 @@ class Gradient:
         value, value_se: the logarithm of the score at the design.
         gradient: per unit of each parameter.
         covariance: of the gradient.
+        parts, parts_se: the derivatives of each direction's own logarithm; the gradient is that of
+            DoEs less that of EoEn.
         largest_share: of the squared deviations of the noisiest component, the largest trial's
             share; above 0.05 the standard errors are not to be trusted.
         trials: simulated, all hands and directions together.
@@ -76,6 +81,8 @@ class Gradient:
     value_se: float
     gradient: Float[np.ndarray, " parameters"]
     covariance: Float[np.ndarray, "parameters parameters"]
+    parts: Float[np.ndarray, "directions parameters"]
+    parts_se: Float[np.ndarray, "directions parameters"]
     largest_share: float
     trials: int
     seconds: float
@@ -148,7 +155,7 @@ class Differences:
         means = sample.means()
         values, slopes = surrogate.judge(means)
         deviations = sample.values[..., sample.valid] - means[..., None]
-        influences = np.einsum("vdk,vdkn->vn", slopes, deviations)
+        influences = np.einsum("vdk,vdkn->dvn", slopes, deviations)
         seconds = time.perf_counter() - began
         gradients = []
         for k, moves in enumerate(all_moves):
@@ -159,17 +166,14 @@ class Differences:
             pick[0, 0] = 1.0
             pick[1:, 1 : 1 + len(moves)] = weights
             pick[1:, 1 + len(moves) :] = -weights
-            estimate, influence = pick @ values[mine], pick @ influences[mine]
-            covariance = influence @ influence.T / (count * (count - 1))
+            parts, each_influence = pick @ values[mine], pick @ influences[:, mine]
             gradients.append(
-                Gradient(
-                    float(estimate[0]),
-                    math.sqrt(covariance[0, 0]),
-                    estimate[1:],
-                    covariance[1:, 1:],
-                    largest_share(influence[1:]),
-                    each * len(surrogate.task.directions) * surrogate.trials,
-                    seconds / len(designs),
+                _gradient(
+                    surrogate,
+                    parts.T,
+                    each_influence,
+                    trials=each * len(parts.T) * surrogate.trials,
+                    seconds=seconds / len(designs),
                 )
             )
         return gradients
@@ -254,6 +258,33 @@ def differentiable_score(
     return lambda design, seed: score(jnp.asarray(design, float), jnp.asarray(seed, jnp.uint32))
 
 
+def _gradient(
+    surrogate: Surrogate,
+    parts: Float[np.ndarray, "directions numbers"],
+    influences: Float[np.ndarray, "directions numbers trials"],
+    *,
+    trials: int,
+    seconds: float,
+) -> Gradient:
+    """From each direction's logarithm and its derivatives, and what each trial adds to them."""
+    signs = surrogate.signs
+    estimate, influence = signs @ parts, np.einsum("d,dpn->pn", signs, influences)
+    count = influence.shape[1]
+    covariance = influence @ influence.T / (count * (count - 1))
+    parts_se = np.sqrt((influences**2).sum(axis=-1) / (count * (count - 1)))
+    return Gradient(
+        float(estimate[0]),
+        math.sqrt(covariance[0, 0]),
+        estimate[1:],
+        covariance[1:, 1:],
+        parts[:, 1:],
+        parts_se[:, 1:],
+        largest_share(influence[1:]),
+        trials,
+        seconds,
+    )
+
+
 @dataclass(frozen=True)
 class Pathwise:
     """The mean of each trial's own derivative, in forward mode through all its steps.
@@ -307,20 +338,20 @@ class Pathwise:
         values = np.concatenate([part[0] for part in parts], axis=-1)[..., : surrogate.trials]
         slopes = np.concatenate([part[1] for part in parts], axis=-2)[..., : surrogate.trials, :]
         good = np.isfinite(slopes).all(axis=(0, 1, 3)) & np.isfinite(values).all(axis=(0, 1))
-        values, slopes, count = values[..., good], slopes[..., good, :], int(good.sum())
+        values, slopes = values[..., good], slopes[..., good, :]
         means = values.mean(axis=-1)
         (value,), (weights,) = surrogate.judge(means[None])
-        each = np.einsum("dk,dknp->pn", weights, slopes)
-        deviations = np.einsum("dk,dkn->n", weights, values - means[..., None])
-        influence = each - each.mean(axis=1, keepdims=True)
-        return Gradient(
-            float(value),
-            float(deviations.std(ddof=1)) / math.sqrt(count),
-            each.mean(axis=1),
-            influence @ influence.T / (count * (count - 1)),
-            largest_share(influence),
-            surrogate.trials * len(means),
-            time.perf_counter() - began,
+        own = np.einsum("dk,dknp->dpn", weights, slopes)
+        deviations = np.einsum("dk,dkn->dn", weights, values - means[..., None])
+        influences = np.concatenate(
+            [deviations[:, None], own - own.mean(axis=-1, keepdims=True)], axis=1
+        )
+        return _gradient(
+            surrogate,
+            np.concatenate([value[:, None], own.mean(axis=-1)], axis=1),
+            influences,
+            trials=surrogate.trials * len(means),
+            seconds=time.perf_counter() - began,
         )
 
 
@@ -355,6 +386,8 @@ def _mix(one: Gradient, two: Gradient) -> Gradient:
         one.value_se,
         share * one.gradient + rest * two.gradient,
         np.outer(share, share) * one.covariance + np.outer(rest, rest) * two.covariance,
+        share * one.parts + rest * two.parts,
+        np.hypot(share * one.parts_se, rest * two.parts_se),
         max(one.largest_share, two.largest_share),
         one.trials + two.trials,
         one.seconds + two.seconds,

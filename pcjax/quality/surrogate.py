@@ -206,7 +206,9 @@ class Surrogate:
             values, wrong = self._sample_horizon(flat, engine, seed)
         shape = len(hands), len(self.task.directions)
         return Sample(
-            values.reshape(*shape, 2, -1), ~wrong.any(axis=0), int(wrong.sum(axis=1).max())
+            values.reshape(*shape, 2, -1),
+            np.logical_not(wrong.any(axis=0)),
+            int(wrong.sum(axis=1).max()),
         )
 
     def engine(self, scenarios: Sequence[Scenario]) -> Stepping | EventDriven:
@@ -228,8 +230,8 @@ class Surrogate:
             held, end = out.steps * PAPER_DT, (out.status == LIMIT).astype(float)
         else:
             held = out.progress[..., 2]
-            end = relaxed_survival(out.progress[..., 0], self._widths(scenarios)[:, None])
-        return np.stack([held, np.asarray(end)], axis=1), out.status == INVALID
+            end = self._survival(out.progress[..., 0], scenarios)
+        return np.stack([held, end], axis=1), out.status == INVALID
 
     def _sample_cloud(
         self,
@@ -252,8 +254,8 @@ class Surrogate:
                 cloud=cloud,
             )
             assert out.progress is not None
-            marks = np.moveaxis(out.progress[..., [1, 0]], -1, 1)
-            values.append(relaxed_survival(marks, self._widths(mine)[:, None, None]))
+            ends = [self._survival(out.progress[..., k], mine) for k in (1, 0)]
+            values.append(np.stack(ends, axis=1))
             wrong.append(out.status == INVALID)
         return np.stack(values, axis=1), np.concatenate(wrong)
 
@@ -295,8 +297,8 @@ class Surrogate:
         count = self.trials
         hands = jax.tree.map(lambda leaf: np.full(count, leaf, np.float32), scenario.hand)
         return Cloud(
-            np.concatenate(places)[:count].astype(np.float32),
-            np.concatenate(draws)[:count].astype(np.float32),
+            jnp.asarray(np.concatenate(places)[:count], np.float32),
+            jnp.asarray(np.concatenate(draws)[:count], np.float32),
             hands,
         )
 
@@ -321,37 +323,40 @@ class Surrogate:
             0 if isinstance(self.task.body, Circle) else 5,
         )
         lanes = roll(engine, stacked, seed, self.periods, lanes)
-        widths = jax.vmap(lambda s: Layer.of(s.world(), self.goal_layer).width)(stacked)
+        widths = _layer_widths(stacked, self.goal_layer)
         end = relaxed_survival(lanes.mark, widths[lanes.condition])
         values = jnp.stack([lanes.held, end]).reshape(2, count, -1)
         return jnp.moveaxis(values, 0, 1)
 
-    def _widths(self, scenarios: Sequence[Scenario]) -> Float[np.ndarray, " conditions"]:
-        """The half width w of each scenario's goal layer."""
+    def _survival(
+        self, marks: Float[np.ndarray, "hands trials"], scenarios: Sequence[Scenario]
+    ) -> Float[np.ndarray, "hands trials"]:
+        """The relaxed survival S for marks s*."""
         stacked = jax.tree.map(lambda *leaves: np.asarray(leaves, np.float32), *scenarios)
-        return np.asarray(_layer_widths(stacked, self.goal_layer))
+        widths = _layer_widths(stacked, self.goal_layer)
+        return np.asarray(relaxed_survival(jnp.asarray(marks), widths[:, None]))
+
+    @property
+    def signs(self) -> Float[np.ndarray, " directions"]:
+        """How each direction's logarithm counts in the score's: DoEs over EoEn."""
+        return np.array([1.0, -1.0])[: len(self.task.directions)]
 
     def log_score(self, means: Float[Array, "directions 2"]) -> Scalar:
         """The logarithm of the score, from a hand's means."""
-        return _log_score(means, *self._static())
+        logs = [_log_quality(one, *self._static()) for one in means]
+        return logs[0] - logs[1] if len(logs) == 2 else logs[0]
 
     def judge(
         self, means: Float[np.ndarray, "hands directions 2"]
-    ) -> tuple[Float[np.ndarray, " hands"], Float[np.ndarray, "hands directions 2"]]:
-        """`log_score` of each hand, and its derivatives with respect to the means."""
+    ) -> tuple[Float[np.ndarray, "hands directions"], Float[np.ndarray, "hands directions 2"]]:
+        """How well each hand holds in each direction, as a logarithm, and that one's derivatives
+        with respect to the means."""
         with jax.enable_x64(True):
             value, slope = _judge(jnp.asarray(means, float), *self._static())
             return np.asarray(value), np.asarray(slope)
 
     def _static(self) -> tuple[str, bool, int, float]:
         return self.objective, self.form == "cloud", self.periods, self.task.drive.period
-
-
-def _log_score(
-    means: Float[Array, "directions 2"], objective: str, cloud: bool, periods: int, period: float
-) -> Scalar:
-    logs = [_log_quality(one, objective, cloud, periods, period) for one in means]
-    return logs[0] - logs[1] if len(logs) == 2 else logs[0]
 
 
 def _log_quality(
@@ -379,15 +384,15 @@ def _log_quality(
 def _judge(
     means: Array, objective: str, cloud: bool, periods: int, period: float
 ) -> tuple[Array, Array]:
-    score = functools.partial(
-        _log_score, objective=objective, cloud=cloud, periods=periods, period=period
+    quality = functools.partial(
+        _log_quality, objective=objective, cloud=cloud, periods=periods, period=period
     )
-    return jax.vmap(jax.value_and_grad(score))(means)
+    return jax.vmap(jax.vmap(jax.value_and_grad(quality)))(means)
 
 
 @functools.partial(jax.jit, static_argnums=1)
 def _layer_widths(stacked: Scenario, share: float) -> Array:
-    return jax.vmap(lambda scenario: Layer.of(scenario.world(), share).width)(stacked)
+    return jax.vmap(lambda scenario: jnp.asarray(Layer.of(scenario.world(), share).width))(stacked)
 
 
 @functools.partial(jax.jit, static_argnums=(2, 3))

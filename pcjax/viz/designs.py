@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -22,6 +23,8 @@ _Z95 = 1.96
 _MAP = 11
 """Designs along each side of a score map."""
 _MAP_TRIALS = 400
+_FINE = 121
+"""Points along each side for the edge of what is allowed."""
 
 
 def plot_optimum(data: tuple[Optimum, DesignSpace, Surrogate]) -> Figure:
@@ -39,17 +42,23 @@ def plot_optimum(data: tuple[Optimum, DesignSpace, Surrogate]) -> Figure:
 
 def draw_hands(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogate) -> None:
     """The limbs before (grey) and after, with the object at a start, to scale."""
-    for design, score, style in (
-        (found.start, found.start_score, {"color": "0.6", "lw": 2, "label": "start"}),
-        (found.best, found.best_score, {"color": COLOURS[0], "lw": 2.5, "label": "best"}),
+    for design, score, colour, name in (
+        (found.start, found.start_score, "0.6", "start"),
+        (found.best, found.best_score, COLOURS[0], "best"),
     ):
         hand = space.hand(design)
         for k, limb in enumerate(jax.device_get(hand.limbs())):
-            ends = [limb.start.x, limb.end.x], [limb.start.y, limb.end.y]
-            label = f"{style['label']}: {score.value:,.4g}" if k == 0 else None
-            axis.plot(*ends, solid_capstyle="round", **(style | {"label": label}))
+            label = f"{name}: {score.value:,.4g}" if k == 0 else None
+            axis.plot(
+                [limb.start.x, limb.end.x],
+                [limb.start.y, limb.end.y],
+                color=colour,
+                lw=2.2,
+                solid_capstyle="round",
+                label=label,
+            )
     scenario = surrogate.task.scenarios(space.hand(found.best))[0]
-    centre = jax.device_get(scenario.start(np.array([0.9, 0.0, 0.0])))
+    centre = jax.device_get(scenario.start(jnp.array([0.9, 0.0, 0.0])))
     radius, body = float(scenario.body.radius), scenario.body
     if isinstance(body, Stick):
         x, y = (radius * f(float(body.orientation)) for f in (math.cos, math.sin))
@@ -113,18 +122,20 @@ def draw_history(axis: Axes, found: Optimum, surrogate: Surrogate) -> None:
 def draw_map(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogate) -> None:
     """The exact score over two parameters, and the way of each start."""
     xs, ys = (np.linspace(p.low, p.high, _MAP) for p in space.free)
-    places = [(i, j) for j in range(_MAP) for i in range(_MAP)]
-    allowed = [(i, j) for i, j in places if space.allowed(np.array([xs[i], ys[j]]))]
-    score = np.full((_MAP, _MAP), np.nan)
-    if allowed:
-        designs = [np.array([xs[i], ys[j]]) for i, j in allowed]
-        rough = replace(surrogate, contact_layer=0.0)
-        values = compare(rough, space, designs, trials=_MAP_TRIALS, seed=0).logs
-        for (i, j), value in zip(allowed, values, strict=True):
-            score[j, i] = math.exp(value)
-    filled = axis.contourf(xs, ys, np.ma.masked_invalid(score), 12, cmap="viridis")
+    grid = [space.nearest_allowed(np.array([x, y]), found.best) for y in ys for x in xs]
+    rough = replace(surrogate, contact_layer=0.0)
+    logs = compare(rough, space, grid, trials=_MAP_TRIALS, seed=0).logs
+    score = np.exp(logs).reshape(_MAP, _MAP)
+    filled = axis.contourf(xs, ys, score, 12, cmap="viridis")
     axis.figure.colorbar(filled, ax=axis, label="exact score")
-    axis.set_facecolor("0.9")
+    fine = [np.linspace(p.low, p.high, _FINE) for p in space.free]
+    designs = np.stack(np.meshgrid(*fine), axis=-1)
+    gaps = jax.jit(jax.vmap(jax.vmap(lambda design: space.hand(design).gap())))(designs)
+    allowed = [[space.allowed(np.array([x, y])) for x in fine[0][::8]] for y in fine[1][::8]]
+    if not np.all(allowed):
+        least = space.least_gap(1.0)
+        axis.contourf(*fine, gaps, [-1.0, least], colors="0.9")
+        axis.contour(*fine, gaps, [least], colors="0.3", linewidths=1)
     for n, steps in enumerate(found.progress.history):
         way = np.array([step.design for step in steps] + [found.candidates[n][0]])
         axis.plot(*way.T, ".-", color="white", lw=1, ms=5, mec="black", mew=0.4)

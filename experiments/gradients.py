@@ -1,0 +1,195 @@
+"""Estimated derivatives of the score against exact ones, for spread designs.
+
+The truth is a factorial difference of the exact score, half as wide as the estimators' and on other
+trials. Keeps `results/gradients.csv` and draws `results/gradients.png`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import csv
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import pcjax.physics.step
+from pcjax import paper
+from pcjax.design.space import DesignSpace, design_space
+from pcjax.model.arm import PlanarArm
+from pcjax.model.body import Circle
+from pcjax.model.drive import WristTilt
+from pcjax.model.hand import box_hand, two_joint_hand
+from pcjax.quality.gradients import Differences, Estimator, Gradient, Pathwise
+from pcjax.quality.surrogate import Surrogate, Task
+
+RESULTS = Path(__file__).parent / "results"
+SEED, TRUTH_SEED = 11, 12
+
+ESTIMATORS: dict[str, tuple[Estimator, dict]] = {
+    "horizon, factorial": (Differences("factorial"), {"trials": 8000}),
+    "horizon, axial": (Differences("axial"), {"trials": 8000}),
+    "exact, factorial": (Differences("factorial"), {"form": "exact", "trials": 8000}),
+    "exact, evolution": (Differences("gaussian"), {"form": "exact", "trials": 8000}),
+    "cloud, factorial": (Differences("factorial"), {"form": "cloud", "trials": 16_000}),
+    "pathwise, compliant": (Pathwise(), {"contact_layer": 0.2, "trials": 256}),
+    "pathwise, time of impact": (Pathwise(), {"trials": 256}),
+    "pathwise, push-out alone": (Pathwise(), {"trials": 256}),
+}
+
+# theta_g in degrees, L_g in palm lengths, by the object's radius.
+WRIST = {
+    25.0: [(-30, 0.1), (-15, 0.3), (0, 0.05), (0, 0.2), (10, 0.2), (20, 0.3), (30, 0.2), (45, 0.1)],
+    5.0: [(10, 0.2), (25, 0.3), (40, 0.2)],
+    50.0: [(-20, 0.2), (0, 0.3), (15, 0.15)],
+}
+ARM = [(55, 90), (65, 100), (70, 80), (60, 110)]
+
+
+def groups() -> list[tuple[str, Surrogate, DesignSpace, list[np.ndarray]]]:
+    """The designs, those of one object and drive together."""
+    found = []
+    for radius, designs in WRIST.items():
+        unit = paper.WRIST_PALM_LENGTH
+        space = design_space(box_hand(), ["fingertip_angle", "fingertip_length"], 2 * radius)
+        task = Task(Circle(radius), WristTilt(), ("does", "eoen"), paper.WRIST_MAX_STEPS)
+        at = [np.array([angle, share * unit]) for angle, share in designs]
+        found.append((f"wrist, r = {radius:g}", Surrogate(task), space, at))
+    body = Circle(paper.ARM_RADIUS)
+    space = design_space(two_joint_hand(), ["joint_angle_1", "joint_angle_2"], 2 * paper.ARM_RADIUS)
+    task = Task(body, PlanarArm(), ("does",), paper.ARM_MAX_STEPS)
+    found.append(("arm", Surrogate(task), space, [np.array(angles, float) for angles in ARM]))
+    return found
+
+
+@contextlib.contextmanager
+def push_out_alone() -> Iterator[None]:
+    """Contact without impacts at their times: the circle is only put back at the end of a step."""
+    impact = pcjax.physics.step.bounce
+    pcjax.physics.step.bounce = lambda law, contact, radius, end, dt, one: end
+    try:
+        yield
+    finally:
+        pcjax.physics.step.bounce = impact
+
+
+def rows_of(
+    name: str, group: str, space: DesignSpace, design: np.ndarray, got: Gradient, true: Gradient
+) -> list[dict]:
+    """One line for each direction and parameter, derivatives in the parameters' scales."""
+    kinds = ("does", "eoen")[: len(got.parts)]
+    lines = [
+        (kind, got.parts[k], got.parts_se[k], true.parts[k], true.parts_se[k])
+        for k, kind in enumerate(kinds)
+    ]
+    if len(kinds) == 2:
+        lines.append(("score", got.gradient, got.se, true.gradient, true.se))
+    return [
+        {
+            "estimator": name,
+            "group": group,
+            "design": space.describe(design),
+            "of": kind,
+            "parameter": p.name,
+            "value": round(value[k] * space.scales[k], 6),
+            "se": round(se[k] * space.scales[k], 6),
+            "truth": round(truth[k] * space.scales[k], 6),
+            "truth_se": round(truth_se[k] * space.scales[k], 6),
+            "largest_share": round(got.largest_share, 4),
+            "trials": got.trials,
+            "seconds": round(got.seconds, 2),
+        }
+        for kind, value, se, truth, truth_se in lines
+        for k, p in enumerate(space.free)
+    ]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--truth-trials", type=int, default=25_000)
+    parser.add_argument("--scale", type=float, default=1.0, help="factor on the estimators' trials")
+    arguments = parser.parse_args()
+    rows: list[dict] = []
+    for group, surrogate, space, designs in groups():
+        exact = replace(surrogate, form="exact", trials=arguments.truth_trials)
+        truth = Differences("factorial", reach=0.5)(exact, space, designs, TRUTH_SEED)
+        for name, (estimator, changes) in ESTIMATORS.items():
+            if group == "arm" and changes.get("form") == "cloud":
+                continue  # most are out before a cloud is old enough
+            changes = changes | {"trials": max(2, round(changes["trials"] * arguments.scale))}
+            mine = replace(surrogate, **changes)
+            patch = push_out_alone() if "push-out" in name else contextlib.nullcontext()
+            with patch:
+                found = estimator(mine, space, designs, SEED)
+            for design, got, true in zip(designs, found, truth, strict=True):
+                rows += rows_of(name, group, space, design, got, true)
+            print(f"{group}: {name}, {sum(g.seconds for g in found):.0f} s", flush=True)
+    with (RESULTS / "gradients.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    print(table(rows))
+    draw(rows).savefig(RESULTS / "gradients.png", dpi=110)
+
+
+def agreement(rows: list[dict], name: str, of: str) -> tuple[float, float, int, int, float]:
+    """Cosine and slope against the truth, right signs of those that the truth is sure of, and the
+    median standard error per degree of the angles."""
+    mine = [row for row in rows if row["estimator"] == name and row["of"] == of]
+    value, truth = (np.array([float(row[key]) for row in mine]) for key in ("value", "truth"))
+    sure = np.array([abs(float(row["truth"])) > 3 * float(row["truth_se"]) for row in mine])
+    errors = [float(row["se"]) / 10 for row in mine if "angle" in row["parameter"]]
+    cosine = value @ truth / math.sqrt((value @ value) * (truth @ truth))
+    right = int(np.sum(np.sign(value[sure]) == np.sign(truth[sure])))
+    return cosine, value @ truth / (truth @ truth), right, int(sure.sum()), float(np.median(errors))
+
+
+def table(rows: list[dict]) -> str:
+    """The estimators' agreement as a Markdown table."""
+    lines = [
+        "| estimator | s / design | d ln DoEs: cosine, slope | d ln EoEn | d ln score | right signs "
+        "| median s.e. per degree | largest trial's share |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for name in dict.fromkeys(row["estimator"] for row in rows):
+        mine = [row for row in rows if row["estimator"] == name]
+        designs = {(row["group"], row["design"]): float(row["seconds"]) for row in mine}
+        share = np.median([float(row["largest_share"]) for row in mine])
+        cells = [agreement(rows, name, of) for of in ("does", "eoen", "score")]
+        shown = [f"{c:.3f}, {s:.2f}" for c, s, *_ in cells]
+        right, sure = (sum(cell[k] for cell in cells) for k in (2, 3))
+        lines.append(
+            f"| {name} | {np.mean(list(designs.values())):.1f} | {' | '.join(shown)} | {right}/{sure} "
+            f"| {cells[2][4]:.4f} | {share:.3f} |"
+        )
+    return "\n".join(lines)
+
+
+def draw(rows: list[dict]) -> Figure:
+    """Each estimator's derivatives of the score's parts against the truth."""
+    names = list(dict.fromkeys(row["estimator"] for row in rows))
+    figure = Figure(figsize=(14, 7), layout="constrained")
+    axes = figure.subplots(2, math.ceil(len(names) / 2), sharex=True, sharey=True).ravel()
+    reach = 1.15 * max(abs(float(row["truth"])) for row in rows)
+    for axis, name in zip(axes, names, strict=False):
+        for k, of in enumerate(("does", "eoen", "score")):
+            mine = [row for row in rows if row["estimator"] == name and row["of"] == of]
+            x, sx, y, sy = (
+                [float(row[key]) for row in mine] for key in ("truth", "truth_se", "value", "se")
+            )
+            axis.errorbar(x, y, sy, sx, fmt="o", ms=3.5, lw=0.7, color=f"C{k}", label=of)
+        axis.plot([-reach, reach], [-reach, reach], color="0.6", lw=0.8, zorder=0)
+        axis.set(title=name, xlim=(-reach, reach), ylim=(-reach, reach))
+        axis.grid(alpha=0.3)
+    axes[0].legend(fontsize=8, title="d ln")
+    figure.supxlabel("exact difference [per 10 degrees, per 0.1 L_p]")
+    figure.supylabel("estimate")
+    return figure
+
+
+if __name__ == "__main__":
+    main()
