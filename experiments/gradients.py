@@ -151,8 +151,8 @@ def agreement(rows: list[dict], name: str, of: str) -> tuple[float, float, int, 
 def table(rows: list[dict]) -> str:
     """The estimators' agreement as a Markdown table."""
     lines = [
-        "| estimator | s / design | d ln DoEs: cosine, slope | d ln EoEn | d ln score | right signs "
-        "| median s.e. per degree | largest trial's share |",
+        "| estimator | s / design | d ln DoEs: cosine, slope | d ln EoEn | d ln score "
+        "| right signs | median s.e. per degree | largest trial's share |",
         "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for name in dict.fromkeys(row["estimator"] for row in rows):
@@ -163,8 +163,8 @@ def table(rows: list[dict]) -> str:
         shown = [f"{c:.3f}, {s:.2f}" for c, s, *_ in cells]
         right, sure = (sum(cell[k] for cell in cells) for k in (2, 3))
         lines.append(
-            f"| {name} | {np.mean(list(designs.values())):.1f} | {' | '.join(shown)} | {right}/{sure} "
-            f"| {cells[2][4]:.4f} | {share:.3f} |"
+            f"| {name} | {np.mean(list(designs.values())):.1f} | {' | '.join(shown)} "
+            f"| {right}/{sure} | {cells[2][4]:.4f} | {share:.3f} |"
         )
     return "\n".join(lines)
 

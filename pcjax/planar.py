@@ -73,6 +73,21 @@ def safe_sqrt(value: Scalar) -> Scalar:
     return jnp.where(positive, jnp.sqrt(jnp.where(positive, value, 1.0)), 0.0)
 
 
+NEVER = 1e9
+"""A time, s, that nothing lasts."""
+
+
+def first_root(gap: Scalar, speed: Scalar, acceleration: Scalar) -> Scalar:
+    """When gap + speed t + acceleration t^2 / 2 first falls to 0, for a gap of at least 0."""
+    square = speed * speed - 2.0 * acceleration * gap
+    root = safe_sqrt(square)
+    closing = speed < 0
+    numerator = jnp.where(closing, 2.0 * gap, root + speed)
+    denominator = jnp.where(closing, root - speed, -acceleration)
+    falls = (square >= 0) & (denominator > 0)
+    return jnp.where(falls, numerator / jnp.where(falls, denominator, 1.0), NEVER)
+
+
 def unit_and_length(vector: Vec) -> tuple[Vec, Scalar]:
     """Direction and length of a vector; the zero vector has direction 0, length 0, derivative 0."""
     square = vector.dot(vector)

@@ -21,7 +21,6 @@ import xarray as xr
 from matplotlib.image import imread
 
 import pcjax
-import pcjax.cli
 from pcjax import paper
 from pcjax.claims import FIGURES_NEEDED, judge_claims
 from pcjax.cli import main
@@ -303,7 +302,7 @@ def test_every_setting_of_a_run_is_handed_on(command: Command, monkeypatch: pyte
         handed.update(settings)
         return pcjax.evaluate(trials=64, max_steps=50_000)
 
-    monkeypatch.setattr(pcjax.cli, "evaluate", record)
+    monkeypatch.setattr("pcjax.cli.evaluate.evaluate", record)
     line = (
         "evaluate --json --direction both --trials 1_000 --max-steps 70,000 --seed 8 "
         "--engine stepping --dt 1e-3 --precision 64"
@@ -377,7 +376,7 @@ def test_pictures_of_other_kinds(command: Command, tmp_path: Path, ending: str):
 def test_no_command_prints_the_help(command: Command):
     done = command("")
     assert (done.code, done.err) == (0, "")
-    for name in ("evaluate", "figure", "claims"):
+    for name in ("evaluate", "optimize", "figure", "claims"):
         assert name in done.out
 
 
@@ -393,7 +392,7 @@ def test_an_interruption_is_one_line_and_status_130(
     def interrupted(*_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(pcjax.cli, "evaluate", interrupted)
+    monkeypatch.setattr("pcjax.cli.evaluate.evaluate", interrupted)
     done = command("evaluate")
     assert (done.code, done.out) == (130, "")
     assert len(done.err.splitlines()) == 1
@@ -588,6 +587,12 @@ BAD_COMBINATIONS = [
     refused("evaluate --scenario arm --joint-angles 120 120", "cross"),
 ]
 BAD_FILES = [
+    refused("optimize --out missing/hand.toml", "missing/hand.toml", "folder"),
+    refused("optimize --plot hand.doc", "hand.doc", "png"),
+    refused("optimize --checkpoint folder", "folder", "it is a folder"),
+    refused("evaluate plain", "plain", "TOML"),
+    refused("evaluate folder", "folder", "cannot be read"),
+    refused("evaluate missing.toml --radius 5", "--radius", "study file"),
     refused("evaluate --out missing/run.nc", "missing/run.nc", "folder"),
     refused("evaluate --out folder", "folder", "it is a folder"),
     refused("evaluate --out plain/run.nc", "plain/run.nc", "folder"),
@@ -603,6 +608,31 @@ BAD_FILES = [
     refused("claims --results missing", "missing", "fig9a.nc"),
     refused("claims --results plain", "plain", "fig9a.nc"),
     refused("claims --results folder", "folder", "fig9a.nc"),
+]
+BAD_OPTIMIZE = [
+    refused("optimize --free fingertip-angel", "fingertip_angel", "did you mean fingertip_angle"),
+    refused("optimize --free fingertip-angle=5", "fingertip-angle=5", "-30:50"),
+    refused("optimize --free fingertip-angle=", "fingertip-angle=", "bounds"),
+    refused("optimize --free fingertip-angle=50:-30", "50", "-30", "order"),
+    refused("optimize --free fingertip-angle=a:3", "'a'", "number"),
+    refused("optimize --free fingertip-length=-5:3", "fingertip_length", "-5"),
+    refused("optimize --free joint-angle", "joint_angle", "joint_angle_3"),
+    refused("optimize --free gap-width --free gap-width", "gap-width", "twice"),
+    refused("optimize --free joint-angle-3 --free fingertip-angle", "same number"),
+    refused("optimize --scenario arm --free gap-width", "gap_width", "three limbs"),
+    refused("optimize --clearance -1", "clearance", "-1"),
+    refused("optimize --clearance 300", "no allowed hand", "300"),
+    refused("optimize --objective index3", "index3", "index1"),
+    refused("optimize --estimator adjoint", "adjoint", "factorial"),
+    refused("optimize --form cloud --body stick", "cloud", "stick"),
+    refused("optimize --iterations 0", "iterations", "0"),
+    refused("optimize --starts 0", "starts", "0"),
+    refused("optimize --trials 1", "trials", "1"),
+    refused("optimize --accept-trials 1", "accept_trials", "1"),
+    refused("optimize --max-steps 12345", "12345", "10000"),
+    refused("optimize --seed -1", "seed", "-1"),
+    refused("optimize --dt 0.1", "--dt"),
+    refused("optimize missing.toml", "missing.toml"),
 ]
 BAD_FIGURES = [
     refused(f"{name} --{flag} {value}", value)
@@ -632,6 +662,7 @@ def unexpected(*_: Any, **__: Any) -> None:
         *BAD_GEOMETRY,
         *BAD_WORDS,
         *BAD_COMBINATIONS,
+        *BAD_OPTIMIZE,
         *BAD_FIGURES,
     ],
 )
@@ -652,8 +683,13 @@ def test_a_file_that_cannot_be_used_is_refused_before_the_work(
 ):
     (tmp_path / "folder").mkdir()
     (tmp_path / "plain").write_text("a file, not a folder")
-    monkeypatch.setattr(pcjax.cli, "evaluate", unexpected)
-    monkeypatch.setattr(pcjax.cli, "run_figure", unexpected)
+    for work in (
+        "evaluate.evaluate",
+        "figure.run_figure",
+        "claims.run_figure",
+        "optimize.optimize",
+    ):
+        monkeypatch.setattr(f"pcjax.cli.{work}", unexpected)
     check_refused(command(line), *words)
     assert sorted(entry.name for entry in tmp_path.rglob("*")) == ["folder", "plain"]
 

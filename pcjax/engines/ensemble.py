@@ -45,6 +45,8 @@ enough lanes to fill it."""
 
 _SMALLEST_BLOCK = 64
 
+_FEWEST_CONDITIONS = 16
+
 _COMPILER_OPTIONS = {
     # Each worker thread runs its own block; XLA splitting small kernels among threads costs more
     # than it brings.
@@ -157,7 +159,10 @@ def run(
             "numbers of limbs, the same drive, the same kind of object and the same kind of contact"
         )
     dtype = np.float32 if precision == 32 else np.float64
-    stacked = jax.tree.map(lambda *leaves: np.asarray(leaves, dtype), *scenarios)
+    # The compiled program depends on how many conditions there are: of a few numbers only.
+    room = max(_FEWEST_CONDITIONS, 1 << (len(scenarios) - 1).bit_length())
+    filled = [*scenarios, *[scenarios[0]] * (room - len(scenarios))]
+    stacked = jax.tree.map(lambda *leaves: np.asarray(leaves, dtype), *filled)
     devices = jax.local_devices()
     platform = devices[0].platform
     crew = _crew(devices, workers)

@@ -32,19 +32,18 @@ from pcjax.physics.collide import Contact, two_nearest
 from pcjax.physics.respond import least_push
 from pcjax.physics.step import INVALID, PASSED, RUNNING
 from pcjax.planar import (
+    NEVER,
     Flag,
     Scalar,
     Segment,
     Vec,
     fence,
+    first_root,
     runtime_one,
     safe_sqrt,
     unit_and_length,
     where,
 )
-
-NEVER = 1e9
-"""A time, s, that no leap reaches."""
 
 LONGEST_ARC = 0.05
 """Longest arc that one leap rolls over a limb's end, radians."""
@@ -104,11 +103,8 @@ class EventDriven:
             moved = each(worlds, swings, intervals, flights)
             if layers is not None:
                 time = moved.time - flights.time
-                via = jax.vmap(Layer.turning_point)(
-                    layers, flights.position, moved.position, moved.velocity, time
-                )
-                progress = jax.vmap(Layer.follow)(
-                    layers, progress, (flights.position, via, moved.position), time
+                progress = jax.vmap(Layer.follow_leap)(
+                    layers, progress, flights.position, moved.position, moved.velocity, time
                 )
                 moved = replace(
                     moved, status=jax.vmap(Layer.verdict)(layers, moved.status, progress)
@@ -208,17 +204,6 @@ def leap(world: World, swing: Swing, interval: Scalar, flight: Flight) -> Flight
         flight.leaps + moves,
         jnp.where(moves, verdict, flight.status),
     )
-
-
-def first_root(gap: Scalar, speed: Scalar, acceleration: Scalar) -> Scalar:
-    """When gap + speed t + acceleration t^2 / 2 first falls to 0, for a gap of at least 0."""
-    square = speed * speed - 2.0 * acceleration * gap
-    root = safe_sqrt(square)
-    closing = speed < 0
-    numerator = jnp.where(closing, 2.0 * gap, root + speed)
-    denominator = jnp.where(closing, root - speed, -acceleration)
-    falls = (square >= 0) & (denominator > 0)
-    return jnp.where(falls, numerator / jnp.where(falls, denominator, 1.0), NEVER)
 
 
 def settle(

@@ -12,8 +12,6 @@ exact survival.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -21,10 +19,14 @@ import jax.numpy as jnp
 from pcjax.model.hand import Channel, Goal, channel_between
 from pcjax.model.scenario import World
 from pcjax.physics.step import PASSED, RUNNING
-from pcjax.planar import Scalar, Vec, unit_and_length
+from pcjax.planar import Scalar, Vec, first_root, unit_and_length
 
 NOWHERE = -1e9
 """s* of a trial that has not been in the channel."""
+
+
+_BOOLE = ((0.0, 7 / 90), (0.25, 32 / 90), (0.5, 12 / 90), (0.75, 32 / 90), (1.0, 7 / 90))
+"""Boole's rule: places and weights."""
 
 
 class Progress(eqx.Module):
@@ -65,18 +67,54 @@ class Layer(eqx.Module):
         out = Vec(-along.y, along.x) * self.width
         return Goal(goal.a + out, goal.b + out)
 
-    def follow(self, before: Progress, points: Sequence[Vec], time: Scalar) -> Progress:
-        """The progress `time` seconds later, after a move by way of `points`.
+    def follow(self, before: Progress, end: Vec, time: Scalar) -> Progress:
+        """The progress at `end`, `time` seconds later: a step so short that S hardly changes."""
+        mark = self._marked(before.mark, end, self.channel.goal.beyond(end))
+        mean = 0.5 * (self.survival(before.mark) + self.survival(mark))
+        return Progress(mark, before.first, before.held + mean * time)
+
+    def follow_leap(
+        self, before: Progress, start: Vec, end: Vec, velocity: Vec, time: Scalar
+    ) -> Progress:
+        """The progress after a move of any length under constant acceleration.
+
+        Arguments:
+            before: at `start`.
+            velocity: at `end`.
+            time: seconds from `start` to `end`.
+        """
+        goal = self.channel.goal
+        moving = time > 0
+        seconds = jnp.where(moving, time, 1.0)
+        past, reached = goal.beyond(start), goal.beyond(end)
+        last = goal.beyond(end + velocity) - reached
+        first = 2.0 * (reached - past) / seconds - last
+        change = (last - first) / seconds
+        # From `rises` on the layer is entered deeper than before, up to `top`.
+        turns = moving & (first > 0) & (last < 0)
+        top = jnp.where(turns, first / jnp.where(turns, -change, 1.0), seconds)
+        deepest = jnp.maximum(before.mark, -self.width)
+        rises = jnp.minimum(first_root(jnp.maximum(deepest - past, 0.0), -first, -change), top)
+        back = top - seconds
+        acceleration = (velocity - (end - start) * (1.0 / seconds)) * (2.0 / seconds)
+        farthest = end + (velocity + acceleration * (0.5 * back)) * back
+        mark = self._marked(before.mark, farthest, past + (first + 0.5 * change * top) * top)
+        counts = mark > before.mark
+        held = self.survival(before.mark) * rises + self.survival(mark) * (seconds - top)
+        for share, weight in _BOOLE:
+            t = rises + share * (top - rises)
+            here = jnp.maximum(before.mark, past + (first + 0.5 * change * t) * t)
+            held = held + weight * (top - rises) * self.survival(jnp.minimum(here, mark))
+        held = jnp.where(counts, held, self.survival(before.mark) * seconds)
+        return Progress(mark, before.first, before.held + jnp.where(moving, held, 0.0))
+
+    def _marked(self, mark: Scalar, point: Vec, past: Scalar) -> Scalar:
+        """The mark once a point that far past the goal line has been visited.
 
         Who has crossed the goal line is out of the hand; how far, then counts wherever it is.
         """
-        mark = before.mark
-        for point in points:
-            past = self.channel.goal.beyond(point)
-            counts = self.channel.holds(point) | (mark > 0)
-            mark = jnp.where(counts, jnp.maximum(mark, past), mark)
-        mean = 0.5 * (self.survival(before.mark) + self.survival(mark))
-        return Progress(mark, before.first, before.held + mean * time)
+        counts = self.channel.holds(point) | (mark > 0)
+        return jnp.where(counts, jnp.maximum(mark, past), mark)
 
     def verdict(self, status: Scalar, progress: Progress) -> Scalar:
         """A trial's status: it ends once it is past the last line of the layer."""
@@ -85,22 +123,6 @@ class Layer(eqx.Module):
     def survival(self, mark: Scalar) -> Scalar:
         """S for a mark s*."""
         return relaxed_survival(mark, self.width)
-
-    def turning_point(self, start: Vec, end: Vec, velocity: Vec, time: Scalar) -> Vec:
-        """Where a move under constant acceleration came farthest out: at its end, or in between.
-
-        Arguments:
-            velocity: at `end`.
-            time: seconds from `start` to `end`.
-        """
-        goal = self.channel.goal
-        seconds = jnp.where(time > 0, time, 1.0)
-        last = goal.beyond(end + velocity) - goal.beyond(end)
-        first = 2.0 * (goal.beyond(end) - goal.beyond(start)) / seconds - last
-        turns = (time > 0) & (first > 0) & (last < 0)
-        since = jnp.where(turns, -last / jnp.where(turns, first - last, 1.0), 0.0) * time
-        acceleration = (velocity - (end - start) * (1.0 / seconds)) * (2.0 / seconds)
-        return end + (acceleration * (0.5 * since) - velocity) * since
 
 
 def relaxed_survival(mark: Scalar, width: Scalar) -> Scalar:

@@ -83,9 +83,7 @@ class Stepping:
             moved = step_all(worlds, swings, states)
             if layers is not None:
                 time = jnp.where(states.status == RUNNING, dt, 0.0)
-                progress = jax.vmap(Layer.follow)(
-                    layers, progress, (states.position, moved.position), time
-                )
+                progress = jax.vmap(Layer.follow)(layers, progress, moved.position, time)
                 moved = replace(
                     moved, status=jax.vmap(Layer.verdict)(layers, moved.status, progress)
                 )
