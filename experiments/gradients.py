@@ -143,9 +143,9 @@ def agreement(rows: list[dict], name: str, of: str) -> tuple[float, float, int, 
     value, truth = (np.array([float(row[key]) for row in mine]) for key in ("value", "truth"))
     sure = np.array([abs(float(row["truth"])) > 3 * float(row["truth_se"]) for row in mine])
     errors = [float(row["se"]) / 10 for row in mine if "angle" in row["parameter"]]
-    cosine = value @ truth / math.sqrt((value @ value) * (truth @ truth))
+    cosine = float(value @ truth) / math.sqrt((value @ value) * (truth @ truth))
     right = int(np.sum(np.sign(value[sure]) == np.sign(truth[sure])))
-    return cosine, value @ truth / (truth @ truth), right, int(sure.sum()), float(np.median(errors))
+    return cosine, float(value @ truth / (truth @ truth)), right, int(sure.sum()), float(np.median(errors))
 
 
 def table(rows: list[dict]) -> str:

@@ -111,7 +111,7 @@ class Progress:
     @property
     def iteration(self) -> int:
         """Iterations done."""
-        return max(len(steps) for steps in self.history)
+        return max((len(steps) for steps in self.history), default=0)
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,11 @@ def optimize(
                 bar.set_postfix_str(f"score {math.exp(max(s.value for s in last)):.4g}")
         except KeyboardInterrupt:
             interrupted = True
-    return _accept(state, starts[0], surrogate, space, settings, interrupted)
+    ends = [
+        settled_design(space, steps, design)
+        for steps, design in zip(state.history, state.designs, strict=True)
+    ]
+    return accept(ends, state, starts[0], surrogate, space, settings, interrupted=interrupted)
 
 
 def starting_designs(space: DesignSpace, count: int, seed: int) -> list[Design]:
@@ -297,23 +301,21 @@ def at_rest(steps: Sequence[Step]) -> bool:
 
 def settled_design(space: DesignSpace, steps: Sequence[Step], last: Sequence[float]) -> Design:
     """The mean of the last designs of a start, which is less noisy than any of them."""
-    designs = [step.design for step in steps[-max(len(steps) // 3, 1) :]]
+    designs = [step.design for step in steps[len(steps) - len(steps) // 3 :]]
     return space.nearest_allowed(np.mean([*designs, last], axis=0), np.array(last))
 
 
-def _accept(
+def accept(
+    ends: Sequence[Design],
     state: Progress,
     start: Design,
     surrogate: Surrogate,
     space: DesignSpace,
     settings: Settings,
-    interrupted: bool,
+    *,
+    interrupted: bool = False,
 ) -> Optimum:
-    """Chooses among the starts and compares the choice with the start, on trials of their own."""
-    ends = [
-        settled_design(space, steps, design)
-        for steps, design in zip(state.history, state.designs, strict=True)
-    ]
+    """Chooses among the ends and compares the choice with the start, on trials of their own."""
     choice = compare(
         surrogate,
         space,

@@ -1,0 +1,161 @@
+"""Ways to look for a better hand that use no gradient: an exhaustive grid, and CMA-ES.
+
+Evolution strategies are the design loop with gaussian differences of the exact score:
+`optimize(replace(surrogate, form="exact"), space, estimator=Differences("gaussian"))`.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Sequence
+
+import numpy as np
+from tqdm import tqdm
+
+from pcjax.checks import check_between, check_count
+from pcjax.design.compare import compare
+from pcjax.design.optimize import (
+    Design,
+    Optimum,
+    Progress,
+    Settings,
+    accept,
+    starting_designs,
+)
+from pcjax.design.space import DesignSpace
+from pcjax.quality.surrogate import Surrogate
+
+_MOST_DESIGNS = 100_000
+"""Of a grid."""
+
+_BATCH = 64
+"""Designs that run together."""
+
+
+def search_grid(
+    surrogate: Surrogate,
+    space: DesignSpace,
+    settings: Settings,
+    points: Sequence[int] | None = None,
+    *,
+    progress: bool = False,
+) -> Optimum:
+    """The exact score of all allowed designs on a grid over the bounds.
+
+    Arguments:
+        surrogate: whose task, objective and trials count; nothing is relaxed.
+        space: what may change.
+        settings: for the seed and the final comparison.
+        points: along each parameter; 11 each unless given.
+        progress: whether to show a bar on stderr.
+
+    Raises:
+        ValueError: a grid too large, or without an allowed design.
+    """
+    points = [11] * len(space.free) if points is None else list(points)
+    for p, count in zip(space.free, points, strict=True):
+        check_count(f"grid points of {p.name}", count, 1, _MOST_DESIGNS)
+    total = int(np.prod(points))
+    check_count("designs on the grid", total, 1, _MOST_DESIGNS)
+    lines = [np.linspace(p.low, p.high, count) for p, count in zip(space.free, points, strict=True)]
+    designs = [np.array(at) for at in itertools.product(*lines)]
+    allowed = [design for design in designs if space.allowed(design)]
+    if not allowed:
+        raise ValueError("no design on the grid is allowed: take more points, or other bounds")
+    (start,) = starting_designs(space, 1, settings.seed)
+    began, logs = time.perf_counter(), []
+    with tqdm(
+        total=len(allowed),
+        desc="grid",
+        unit="design",
+        disable=None if progress else True,
+        leave=False,
+    ) as bar:
+        for first in range(0, len(allowed), _BATCH):
+            some = allowed[first : first + _BATCH]
+            found = compare(surrogate, space, some, trials=surrogate.trials, seed=settings.seed)
+            logs += list(found.logs)
+            bar.update(len(some))
+    best = allowed[int(np.argmax(logs))]
+    spent = Progress(
+        [],
+        [],
+        [],
+        len(allowed) * surrogate.trials * len(surrogate.task.directions),
+        time.perf_counter() - began,
+    )
+    return accept([best], spent, start, surrogate, space, settings)
+
+
+def search_cma(
+    surrogate: Surrogate,
+    space: DesignSpace,
+    settings: Settings,
+    *,
+    seconds: float = 60.0,
+    sigma: float = 1.0,
+    progress: bool = False,
+) -> Optimum:
+    """CMA-ES on the exact score, for `settings.iterations` generations or `seconds`.
+
+    Every generation has trials of its own, the same for all its designs; one that is not allowed is
+    replaced by the nearest that is.
+
+    Arguments:
+        surrogate: whose task, objective and trials count; nothing is relaxed.
+        space: what may change; its base hand is the start.
+        settings: for generations, seed and the final comparison.
+        seconds: after which no new generation begins.
+        sigma: first step size, in the parameters' scales.
+        progress: whether to show a bar on stderr.
+
+    Raises:
+        ValueError: the package `cmaes` is not installed, or a number out of range.
+    """
+    try:
+        from cmaes import CMA
+    except ImportError:
+        raise ValueError("CMA-ES needs the package cmaes: pip install 'pcjax[baselines]'") from None
+    check_between("seconds", seconds, 0.0, 1e9)
+    check_between("sigma", sigma, 1e-6, 100.0)
+    (start,) = starting_designs(space, 1, settings.seed)
+    search = CMA(
+        mean=start / space.scales,
+        sigma=sigma,
+        bounds=np.stack([space.low, space.high], axis=1) / space.scales[:, None],
+        seed=settings.seed,
+    )
+    began, trials = time.perf_counter(), 0
+    bar = tqdm(
+        total=settings.iterations,
+        desc="CMA-ES",
+        unit="generation",
+        disable=None if progress else True,
+        leave=False,
+    )
+    interrupted = False
+    with bar:
+        try:
+            for generation in range(settings.iterations):
+                asked = [search.ask() for _ in range(search.population_size)]
+                designs = [space.nearest_allowed(x * space.scales, start) for x in asked]
+                found = compare(
+                    surrogate,
+                    space,
+                    designs,
+                    trials=surrogate.trials,
+                    seed=settings.seed + generation,
+                )
+                trials += len(designs) * surrogate.trials * len(surrogate.task.directions)
+                search.tell(
+                    [(d / space.scales, -v) for d, v in zip(designs, found.logs, strict=True)]
+                )
+                bar.update()
+                if time.perf_counter() - began > seconds or search.should_stop():
+                    break
+        except KeyboardInterrupt:
+            interrupted = True
+    end: Design = space.nearest_allowed(search.mean * space.scales, start)
+    spent = Progress([], [], [], trials, time.perf_counter() - began)
+    return accept([end], spent, start, surrogate, space, settings, interrupted=interrupted)

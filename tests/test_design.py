@@ -1,0 +1,280 @@
+"""Design spaces and the design loop: what may change, where it goes, and what is kept."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pcjax.design.compare import compare
+from pcjax.design.optimize import Settings, Step, at_rest, optimize, starting_designs
+from pcjax.design.space import DesignSpace, design_space
+from pcjax.model.body import Circle, Stick
+from pcjax.model.contact_law import ContactLaw
+from pcjax.model.drive import WristTilt
+from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
+from pcjax.quality.gradients import Gradient
+from pcjax.quality.surrogate import Surrogate, Task
+from pcjax.study import Study, load_study
+
+BOX = box_hand(math.radians(10))
+TASK = Task(Circle(25.0), WristTilt(), ("does", "eoen"), 20_000)
+SURROGATE = Surrogate(TASK, trials=40)
+QUICK = Settings(iterations=4, check_every=2, check_trials=40, accept_trials=60)
+
+
+def tips(clearance: float = 20.0) -> DesignSpace:
+    return design_space(BOX, ["fingertip_angle", "fingertip_length"], 50.0, clearance)
+
+
+# ---------------------------------------------------------------------------------------- space
+
+
+def test_parameters_are_the_papers() -> None:
+    space = design_space(BOX, ["fingertip_angle", "fingertip_length", "gap_width"], 50.0)
+    np.testing.assert_allclose(space.design_of(BOX), [10.0, 100.0, 200.0], atol=1e-4)
+    hand = space.hand([25.0, 80.0, 240.0])
+    same = box_hand(math.radians(25), fingertip_length=80.0, gap_width=240.0)
+    for mine, other in zip(jax.tree.leaves(hand), jax.tree.leaves(same), strict=True):
+        assert float(mine) == pytest.approx(float(other), abs=1e-4)
+
+
+def test_one_finger_alone_may_change() -> None:
+    space = design_space(BOX, ["fingertip_angle_2", "link_length_13", "joint_angle_1"], 50.0)
+    hand = space.hand([0.0, 70.0, 85.0])
+    assert hand.angles[0][2] == BOX.angles[0][2]
+    assert float(hand.angles[1][2]) == pytest.approx(math.pi / 2)
+    assert (hand.lengths[0][2], hand.lengths[1][2]) == (70.0, BOX.lengths[1][2])
+    assert math.degrees(hand.angles[0][0]) == pytest.approx(85.0)
+    assert hand.angles[0][0] == hand.angles[1][0]
+
+
+def test_a_design_is_differentiable() -> None:
+    space = tips()
+    slope = jax.grad(lambda design: space.hand(design).gap())(jnp.array([20.0, 120.0]))
+    angle = math.radians(20)
+    expected = [-2 * 120 * math.cos(angle) * math.pi / 180, -2 * math.sin(angle)]
+    np.testing.assert_allclose(slope, expected, rtol=1e-5)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(-60, 90), st.floats(10, 300))
+def test_the_nearest_allowed_design_is_allowed_and_near(angle: float, length: float) -> None:
+    space = tips()
+    design = np.array([angle, length])
+    found = space.nearest_allowed(design)
+    assert space.allowed(found)
+    gap = float(space.hand(found).gap())
+    assert gap >= 70 - 1e-3
+    if space.allowed(design):
+        np.testing.assert_array_equal(found, design)
+    if space.low[0] <= angle <= space.high[0] and space.low[1] <= length <= space.high[1]:
+        # On the constraint's edge, not somewhere behind it.
+        assert space.allowed(design) or gap < 75
+
+
+def test_moves_keep_to_the_scales() -> None:
+    np.testing.assert_allclose(tips().scales, [10.0, 50.0])
+    np.testing.assert_allclose(tips().usual_moves(), [4.0, 10.0])
+
+
+@pytest.mark.parametrize(
+    ("free", "words"),
+    [
+        ([], "no parameter"),
+        (["fingertip_angel"], "did you mean fingertip_angle"),
+        (["joint_angle"], "which joint"),
+        (["joint_angle_4"], "joint_angle_3"),
+        (["gap_width_1"], "no parameter gap_width_1"),
+        (["fingertip_angle", "joint_angle_3"], "same number"),
+        (["fingertip_length", "link_length_23"], "same number"),
+        (["gap_width", "link_length_2"], "same number"),
+        ({"fingertip_angle": (30.0, 30.0)}, "order"),
+        ({"fingertip_length": (0.0, 30.0)}, "above 0"),
+        ({"fingertip_angle": (math.nan, 30.0)}, "finite"),
+    ],
+)
+def test_bad_spaces_are_refused(free: Any, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        design_space(BOX, free, 50.0)
+
+
+def test_a_space_without_any_allowed_hand_is_refused() -> None:
+    with pytest.raises(ValueError, match="no allowed hand"):
+        starting_designs(tips(clearance=300.0), 1, 0)
+
+
+def test_starts_are_spread_and_allowed() -> None:
+    starts = starting_designs(tips(), 6, 3)
+    assert len(starts) == 6
+    np.testing.assert_allclose(starts[0], [10.0, 100.0], atol=1e-4)
+    assert all(tips().allowed(start) for start in starts)
+    assert np.ptp(starts, axis=0)[0] > 30
+
+
+# ----------------------------------------------------------------------------------------- loop
+
+
+class Bowl:
+    """An estimator whose score is a known paraboloid, without noise."""
+
+    def __init__(self, top: Sequence[float], fail_at: int | None = None):
+        self.top, self.fail_at, self.calls = np.array(top), fail_at, 0
+
+    def __repr__(self) -> str:
+        return f"Bowl({self.top})"
+
+    def __call__(
+        self, surrogate: Surrogate, space: DesignSpace, designs: Sequence[np.ndarray], seed: int
+    ) -> list[Gradient]:
+        if self.calls == self.fail_at:
+            raise KeyboardInterrupt
+        self.calls += 1
+        found = []
+        for design in designs:
+            away = (design - self.top) / space.scales
+            slope = -0.2 * away / space.scales
+            blank = np.zeros((1, 2))
+            value = 0.5 - 0.1 * float(away @ away)
+            found.append(Gradient(value, 1e-3, slope, np.eye(2) * 1e-6, blank, blank, 0.0, 10, 0.1))
+        return found
+
+
+def test_the_loop_finds_the_top_of_a_known_hill() -> None:
+    found = optimize(SURROGATE, tips(), replace(QUICK, iterations=40), estimator=Bowl([0.0, 70.0]))
+    np.testing.assert_allclose(found.best, [0.0, 70.0], atol=1.0)
+    assert found.progress.iteration <= 40
+    assert all(tips().allowed(np.array(step.design)) for step in found.progress.history[0])
+
+
+def test_the_loop_stays_on_the_allowed_side() -> None:
+    found = optimize(
+        SURROGATE, tips(), replace(QUICK, iterations=40), estimator=Bowl([50.0, 170.0])
+    )
+    assert tips().allowed(found.best)
+    assert float(tips().hand(found.best).gap()) == pytest.approx(70.0, abs=0.5)
+
+
+def test_every_start_is_followed() -> None:
+    some = replace(QUICK, starts=3, iterations=30)
+    found = optimize(SURROGATE, tips(), some, estimator=Bowl([5.0, 80.0]))
+    assert len(found.candidates) == len(found.progress.history) == 3
+    for design, _ in found.candidates:
+        np.testing.assert_allclose(design, [5.0, 80.0], atol=3.0)
+
+
+def test_an_interrupted_loop_keeps_what_it_has_and_goes_on_from_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "state.json"
+    whole = optimize(SURROGATE, tips(), QUICK, estimator=Bowl([0.0, 70.0]))
+    part = optimize(
+        SURROGATE, tips(), QUICK, estimator=Bowl([0.0, 70.0], fail_at=2), checkpoint=path
+    )
+    assert part.interrupted
+    assert part.progress.iteration == 2
+    rest = optimize(SURROGATE, tips(), QUICK, estimator=Bowl([0.0, 70.0]), checkpoint=path)
+    assert not rest.interrupted
+    assert rest.progress.history == whole.progress.history
+    assert rest.progress.designs == whole.progress.designs
+    np.testing.assert_array_equal(rest.best, whole.best)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_file_of_another_optimisation_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "state.json"
+    optimize(SURROGATE, tips(), QUICK, estimator=Bowl([0.0, 70.0], fail_at=1), checkpoint=path)
+    with pytest.raises(ValueError, match="other settings"):
+        optimize(
+            SURROGATE, tips(), replace(QUICK, seed=1), estimator=Bowl([0, 70]), checkpoint=path
+        )
+    path.write_text(json.dumps({"of": "", "state": {"history": 3}}))
+    with pytest.raises(ValueError, match="no checkpoint"):
+        optimize(SURROGATE, tips(), QUICK, estimator=Bowl([0.0, 70.0]), checkpoint=path)
+
+
+def test_a_result_that_is_not_better_is_said_to_be_so() -> None:
+    found = optimize(SURROGATE, tips(), QUICK, estimator=Bowl([10.0, 100.0]))
+    assert found.improvement.low <= 0 <= found.improvement.high
+    assert not found.better
+
+
+def test_a_plateau_within_noise_stops_a_start() -> None:
+    def steps(values: Sequence[float]) -> list[Step]:
+        return [Step([0.0], value, 0.01, [0.0], [0.0]) for value in values]
+
+    assert not at_rest(steps(np.linspace(0, 1, 30).tolist()))
+    assert not at_rest(steps([0.5] * 11))
+    assert at_rest(steps([0.5] * 12))
+
+
+def test_comparisons_are_paired() -> None:
+    """The difference of near designs is known far better than either score."""
+    designs = [np.array([10.0, 100.0]), np.array([10.5, 100.0])]
+    found = compare(SURROGATE, tips(), designs, trials=2000, seed=1)
+    apart = math.hypot(found.scores[0].se, found.scores[1].se)
+    assert 0 < found.improvement(0, 1).se < 0.7 * apart
+    same = compare(SURROGATE, tips(), [designs[0]] * 2, trials=200, seed=1).improvement(0, 1)
+    assert (same.value, same.se) == (0.0, 0.0)
+
+
+# --------------------------------------------------------------------------------- study files
+
+
+@pytest.mark.parametrize(
+    "study",
+    [
+        Study(BOX, Circle(20.0), WristTilt(gravity=5.0), ContactLaw(restitution=0.3)),
+        Study(
+            HandDesign(400.0, ((300.0, 200.0), (310.0, 190.0)), ((1.5, 1.0), (1.6, 0.9))),
+            Stick(30.0, 0.7),
+            WristTilt(),
+            ContactLaw(),
+        ),
+    ],
+)
+def test_a_study_file_gives_back_the_study(study: Study, tmp_path: Path) -> None:
+    path = tmp_path / "hand.toml"
+    path.write_text(study.to_toml())
+    back = load_study(path)
+    assert jax.tree.structure(back.hand) == jax.tree.structure(study.hand)
+    for mine, other in zip(
+        jax.tree.leaves((back.hand, back.body, back.drive, back.law)),
+        jax.tree.leaves((study.hand, study.body, study.drive, study.law)),
+        strict=True,
+    ):
+        assert float(mine) == pytest.approx(float(other), rel=1e-9)
+
+
+GOOD = Study(two_joint_hand(), Circle(50.0), WristTilt(), ContactLaw()).to_toml()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (GOOD.replace("[hand]", "[hand"), "no TOML"),
+        (GOOD.replace("[hand]", "[hnad]"), "did you mean hand"),
+        (GOOD.replace("palm_length", "palm_lenght"), "did you mean palm_length"),
+        (GOOD.replace("palm_length = 200.0", ""), "palm_length is missing"),
+        (GOOD.replace("palm_length = 200.0", "palm_length = '2'"), "has to be a number"),
+        (GOOD.replace("palm_length = 200.0", "palm_length = -2"), "above 0"),
+        (GOOD.replace("lengths = [[200.0, 100.0], ", "lengths = [["), "two lists"),
+        (GOOD.replace('"circle"', '"square"'), "circle or stick"),
+        (GOOD.replace("radius", "orientation_deg"), "does not apply"),
+        ("hand = 3", "has to be a table"),
+    ],
+)
+def test_bad_study_files_are_refused(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "bad.toml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=words) as caught:
+        load_study(path)
+    assert "bad.toml" in str(caught.value)
