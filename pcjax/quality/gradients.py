@@ -331,10 +331,13 @@ class Pathwise:
     ) -> Gradient:
         began = time.perf_counter()
         at, firsts = jnp.asarray(design, float), range(0, surrogate.trials, self.block)
+
+        def run(first: int) -> tuple[np.ndarray, np.ndarray]:
+            with jax.enable_x64(at.dtype == jnp.float64):  # threads do not inherit it
+                return jax.device_get(block(jnp.int32(first), at))
+
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            parts = list(
-                pool.map(lambda first: jax.device_get(block(jnp.int32(first), at)), firsts)
-            )
+            parts = list(pool.map(run, firsts))
         values = np.concatenate([part[0] for part in parts], axis=-1)[..., : surrogate.trials]
         slopes = np.concatenate([part[1] for part in parts], axis=-2)[..., : surrogate.trials, :]
         good = np.isfinite(slopes).all(axis=(0, 1, 3)) & np.isfinite(values).all(axis=(0, 1))
