@@ -145,7 +145,13 @@ def agreement(rows: list[dict], name: str, of: str) -> tuple[float, float, int, 
     errors = [float(row["se"]) / 10 for row in mine if "angle" in row["parameter"]]
     cosine = float(value @ truth) / math.sqrt((value @ value) * (truth @ truth))
     right = int(np.sum(np.sign(value[sure]) == np.sign(truth[sure])))
-    return cosine, float(value @ truth / (truth @ truth)), right, int(sure.sum()), float(np.median(errors))
+    return (
+        cosine,
+        float(value @ truth / (truth @ truth)),
+        right,
+        int(sure.sum()),
+        float(np.median(errors)),
+    )
 
 
 def table(rows: list[dict]) -> str:

@@ -398,6 +398,58 @@ def test_an_interruption_is_one_line_and_status_130(
     assert len(done.err.splitlines()) == 1
 
 
+# ------------------------------------------------------------------------------------- optimize
+
+QUICK_OPTIMUM = "optimize --iterations 2 --trials 60 --accept-trials 60 --max-steps 20_000"
+
+
+def test_optimize_prints_one_object_and_keeps_a_hand_that_evaluate_reads(
+    command: Command, tmp_path: Path
+):
+    line = f"{QUICK_OPTIMUM} --json --out best.toml --plot best.png --checkpoint state.json"
+    told = one_object(command(line))
+    assert set(told) == {"start", "best", "improvement", "iterations", "trials", "wall_seconds"}
+    for side in ("start", "best"):
+        assert set(told[side]) == {"parameters", "score"}
+        assert set(told[side]["parameters"]) == {"fingertip_angle_deg", "fingertip_length"}
+        assert tuple(told[side]["score"]) == NUMBERS
+    assert tuple(told["improvement"]) == NUMBERS
+    assert told["start"]["parameters"]["fingertip_angle_deg"] == pytest.approx(10)
+    assert told["start"]["parameters"]["fingertip_length"] == pytest.approx(100)
+    assert told["iterations"] == 2
+    gain = told["best"]["score"]["value"] - told["start"]["score"]["value"]
+    assert told["improvement"]["value"] == pytest.approx(gain)
+    # 2 iterations of 5 hands, 1 checkpoint, 1 choice and the comparison of 2 hands.
+    assert told["trials"] == 2 * (2 * 5 * 60 + 1000 + 60 + 2 * 60)
+    assert np.ptp(imread(tmp_path / "best.png")) > 0.5
+    same = one_object(command(line))
+    assert same["best"] == told["best"]
+    evaluated = one_object(command("evaluate best.toml --json --trials 40 --max-steps 20_000"))
+    hand = pcjax.box_hand(
+        math.radians(told["best"]["parameters"]["fingertip_angle_deg"]),
+        fingertip_length=told["best"]["parameters"]["fingertip_length"],
+    )
+    by_hand = pcjax.evaluate(hand, trials=40, max_steps=20_000)
+    assert numbers(evaluated) == numbers(by_hand.as_json())
+
+
+@pytest.mark.parametrize(
+    "flags",
+    [
+        "--method grid --grid-points 2 --free fingertip-angle=-10:10",
+        "--method cma --free fingertip-angle-1 --free fingertip-length-2=50:120",
+        "--estimator axial --objective escape_rate --starts 2 --free gap-width",
+        "--estimator evolution --form exact --objective index2 --free link-length-1",
+        "--scenario arm --max-steps 20_000",
+    ],
+)
+def test_ways_to_optimize(command: Command, flags: str):
+    done = command(f"{QUICK_OPTIMUM} {flags}")
+    assert (done.code, done.err) == (0, "")
+    assert re.search(r"^improvement: ", done.out, re.MULTILINE)
+    assert re.search(r"better", done.out)
+
+
 # ------------------------------------------------------------------------------ figures, claims
 
 
@@ -623,6 +675,9 @@ BAD_OPTIMIZE = [
     refused("optimize --clearance -1", "clearance", "-1"),
     refused("optimize --clearance 300", "no allowed hand", "300"),
     refused("optimize --objective index3", "index3", "index1"),
+    refused("optimize --method gird", "gird", "did you mean grid"),
+    refused("optimize --method grid --grid-points 0", "grid points", "0"),
+    refused("optimize --method grid --grid-points 1000", "grid", "100000"),
     refused("optimize --estimator adjoint", "adjoint", "factorial"),
     refused("optimize --form cloud --body stick", "cloud", "stick"),
     refused("optimize --iterations 0", "iterations", "0"),

@@ -266,7 +266,7 @@ GOOD = Study(two_joint_hand(), Circle(50.0), WristTilt(), ContactLaw()).to_toml(
         (GOOD.replace("palm_length = 200.0", ""), "palm_length is missing"),
         (GOOD.replace("palm_length = 200.0", "palm_length = '2'"), "has to be a number"),
         (GOOD.replace("palm_length = 200.0", "palm_length = -2"), "above 0"),
-        (GOOD.replace("lengths = [[200.0, 100.0], ", "lengths = [["), "two lists"),
+        (GOOD.replace("lengths = [[200.0, 100.0], ", "lengths = ["), "two lists"),
         (GOOD.replace('"circle"', '"square"'), "circle or stick"),
         (GOOD.replace("radius", "orientation_deg"), "does not apply"),
         ("hand = 3", "has to be a table"),

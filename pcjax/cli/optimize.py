@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import time
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from pcjax.cli.parts import (
     whole,
     write_text,
 )
+from pcjax.design.baselines import search_cma, search_grid
 from pcjax.design.optimize import Optimum, Settings, optimize
 from pcjax.design.space import HELP, DesignSpace, design_space
 from pcjax.evaluate import default_max_steps
@@ -66,6 +68,13 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
         default="index1",
         help="what the score is made of; escape_rate has no step limit in it",
     )
+    add(
+        "--method",
+        choices=("gradient", "grid", "cma"),
+        default="gradient",
+        help="follow the gradient, try all designs on a grid, or CMA-ES on the exact score",
+    )
+    add("--grid-points", type=whole, default=11, help="of each parameter, for --method grid")
     add("--form", choices=FORMS, default="horizon", help="what the gradient is taken of")
     add("--estimator", choices=tuple(_ESTIMATORS), default="factorial", help="of the gradient")
     add("--starts", type=whole, default=1, help="the hand given, and others spread over the bounds")
@@ -150,14 +159,20 @@ def _run(arguments: argparse.Namespace) -> None:
     for scenario in task.scenarios(space.hand(space.nearest_allowed(space.design_of(study.hand)))):
         check_geometry(scenario)
     began = time.perf_counter()
-    found = optimize(
-        surrogate,
-        space,
-        settings,
-        estimator=_ESTIMATORS[arguments.estimator],
-        checkpoint=arguments.checkpoint,
-        progress=True,
-    )
+    if arguments.method == "grid":
+        points = [arguments.grid_points] * len(space.free)
+        found = search_grid(surrogate, space, settings, points, progress=True)
+    elif arguments.method == "cma":
+        found = search_cma(surrogate, space, settings, seconds=math.inf, progress=True)
+    else:
+        found = optimize(
+            surrogate,
+            space,
+            settings,
+            estimator=_ESTIMATORS[arguments.estimator],
+            checkpoint=arguments.checkpoint,
+            progress=True,
+        )
     seconds = time.perf_counter() - began
     if arguments.out:
         best = replace(study, hand=space.hand(found.best))
@@ -206,8 +221,7 @@ def as_text(found: Optimum, space: DesignSpace, surrogate: Surrogate, seconds: f
     )
     for design, score in found.candidates if len(found.candidates) > 1 else []:
         lines.append(f"  a start ended at {space.describe(design)}: {score.value:,.4f}")
+    rounds = f"{found.progress.iteration} iterations, " if found.progress.history else ""
     stop = "interrupted after " if found.interrupted else ""
-    lines.append(
-        f"{stop}{found.progress.iteration} iterations, {found.trials:,} trials, {seconds:.1f} s"
-    )
+    lines.append(f"{stop}{rounds}{found.trials:,} trials, {seconds:.1f} s")
     return "\n".join(lines)

@@ -7,6 +7,7 @@ Evolution strategies are the design loop with gaussian differences of the exact 
 from __future__ import annotations
 
 import itertools
+import math
 import time
 from collections.abc import Sequence
 
@@ -93,7 +94,7 @@ def search_cma(
     space: DesignSpace,
     settings: Settings,
     *,
-    seconds: float = 60.0,
+    seconds: float = math.inf,
     sigma: float = 1.0,
     progress: bool = False,
 ) -> Optimum:
@@ -106,7 +107,7 @@ def search_cma(
         surrogate: whose task, objective and trials count; nothing is relaxed.
         space: what may change; its base hand is the start.
         settings: for generations, seed and the final comparison.
-        seconds: after which no new generation begins.
+        seconds: after which no new generation begins; unless given, there is no such limit.
         sigma: first step size, in the parameters' scales.
         progress: whether to show a bar on stderr.
 
@@ -117,7 +118,6 @@ def search_cma(
         from cmaes import CMA
     except ImportError:
         raise ValueError("CMA-ES needs the package cmaes: pip install 'pcjax[baselines]'") from None
-    check_between("seconds", seconds, 0.0, 1e9)
     check_between("sigma", sigma, 1e-6, 100.0)
     (start,) = starting_designs(space, 1, settings.seed)
     search = CMA(

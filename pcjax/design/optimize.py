@@ -175,7 +175,9 @@ def optimize(
     estimator = Differences() if estimator is None else estimator
     path = None if checkpoint is None else Path(checkpoint)
     starts = starting_designs(space, settings.starts, settings.seed)
-    rule = optax.adam(optax.cosine_decay_schedule(settings.rate, settings.iterations))
+    # Less momentum than usual: a few dozen iterations leave no time to swing back.
+    rate = optax.cosine_decay_schedule(settings.rate, settings.iterations)
+    rule = optax.adam(rate, b1=0.6, b2=0.95)
     told = _fingerprint(surrogate, space, settings, estimator)
     state = _load(path, told) if path is not None and path.exists() else None
     if state is None:

@@ -75,7 +75,7 @@ def draw_hands(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrog
 
 def draw_history(axis: Axes, found: Optimum, surrogate: Surrogate) -> None:
     """Relaxed scores with 95 % bands, exact checkpoints, and the final exact comparison."""
-    last = 0
+    last = 1
     for n, steps in enumerate(found.progress.history):
         colour = COLOURS[0] if len(found.progress.history) == 1 else f"C{n % 10}"
         k = np.arange(len(steps))
