@@ -12,7 +12,7 @@ NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 
 
 def test_notebooks_are_there():
-    assert [path.stem for path in NOTEBOOKS] == ["fig12", "quickstart"]
+    assert [path.stem for path in NOTEBOOKS] == ["fig12", "optimise_fingertip", "quickstart"]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import jax
-
 from pcjax.engines.event import EventDriven
 from pcjax.engines.lanes import Engine
 from pcjax.engines.stepping import SHORTEST_STEP, Stepping
 from pcjax.model.body import Circle, Stick
 from pcjax.model.drive import WristTilt
-from pcjax.model.scenario import Scenario
+from pcjax.model.scenario import Scenario, gap_of
 from pcjax.physics.step import PAPER_DT
 
 ENGINES = ("auto", "event", "stepping")
@@ -64,8 +62,7 @@ def _obstacle_to_events(scenario: Scenario) -> str | None:
     if scenario.law.smoothing is not None:
         return "it knows hard contact only, and this one is smoothed; take engine 'stepping'"
     diameter = 2 * float(scenario.body.radius)
-    with jax.enable_x64(True):
-        clearance = float(scenario.hand.gap()) - diameter
+    clearance = gap_of(scenario) - diameter
     if abs(clearance) < _LEAST_CLEARANCE * diameter:
         return (
             f"the gap differs from the object's diameter by {clearance:.2g}, too little for a "

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -13,7 +16,7 @@ from pcjax.model.body import Body, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
 from pcjax.model.hand import Goal, HandDesign
-from pcjax.planar import Flag, Scalar, Segment, Vec
+from pcjax.planar import Flag, Scalar, Segment, T, Vec
 
 Drive = WristTilt | PlanarArm
 """What can move the hand."""
@@ -99,22 +102,28 @@ class Scenario(eqx.Module):
             for along in (0.0, 1.0)
             for up in (0.0, 1.0)
         ]
-        edges = ((0, 1), (0, 2), (1, 3), (2, 3), (4, 5), (4, 6), (5, 7), (6, 7))
-        limbs = self.hand.limbs()
+        ends = ((0, 1), (0, 2), (1, 3), (2, 3), (4, 5), (4, 6), (5, 7), (6, 7))
+        limbs = _stacked(self.hand.limbs())
         # A limb comes closest to a rectangle at a corner of one or at an end of the other, unless
         # it cuts through; then it cuts an edge or has an end inside.
-        least = jnp.inf
-        for limb in limbs:
-            for corner in corners:
-                least = jnp.minimum(least, limb.distance(corner))
-            for point in (limb.start, limb.end):
-                for first in (0, 4):
-                    least = jnp.minimum(
-                        least, _distance_to_box(point, corners[first], corners[first + 3])
-                    )
-            for i, j in edges:
-                least = jnp.where(_cuts(limb, corners[i], corners[j]), 0.0, least)
-        return least - self.body.radius
+        least = jnp.min(_each_with_each(Segment.distance)(limbs, _stacked(corners)))
+        for point in (limbs.start, limbs.end):
+            for first in (0, 4):
+                apart = _distance_to_box(point, corners[first], corners[first + 3])
+                least = jnp.minimum(least, jnp.min(apart))
+        edges = [_stacked([corners[pair[k]] for pair in ends]) for k in (0, 1)]
+        cut = _each_with_each(lambda limb, edge: _cuts(limb, *edge))(limbs, tuple(edges))
+        return jnp.where(jnp.any(cut), 0.0, least) - self.body.radius
+
+
+def _stacked(items: Sequence[T]) -> T:
+    """One pytree with the items along a first axis."""
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *items)
+
+
+def _each_with_each(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """For a batch of first arguments and one of second ones, all pairs."""
+    return jax.vmap(jax.vmap(function, (None, 0)), (0, None))
 
 
 def _distance_to_box(point: Vec, a: Vec, b: Vec) -> Scalar:
@@ -159,6 +168,12 @@ def check_geometry(scenario: Scenario) -> float:
             "a smaller one or a smaller start spread fits"
         )
     return float(gap)
+
+
+def gap_of(scenario: Scenario) -> float:
+    """The hand's gap, for a scenario whose numbers are concrete."""
+    with jax.enable_x64(True):
+        return float(_geometry(scenario)[1])
 
 
 def does(
