@@ -14,7 +14,7 @@ import pytest
 from pcjax.engines.ensemble import LIMIT, run
 from pcjax.engines.stepping import Stepping, trajectory
 from pcjax.model.arm import Gesture, PlanarArm
-from pcjax.model.body import Circle
+from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, check_geometry, does, eoen
@@ -63,10 +63,12 @@ def state(x: float, y: float, vx: float = 0.0, vy: float = 0.0) -> State:
 START, TARGET = (0.3, 0.2, -0.1), (-0.6, 1.5, 0.4)
 
 
-@pytest.mark.parametrize("dt", [1e-3, 2e-2])
-def test_a_free_object_moves_on_a_parabola_in_the_world(dt: float) -> None:
+@pytest.mark.parametrize(("dt", "direction"), [(1e-3, None), (2e-2, None), (2e-2, 0.7)])
+def test_a_free_object_moves_on_a_parabola_in_the_world(dt: float, direction: float | None) -> None:
     # Far from every limb, through the whole ramp and after it, whatever the step.
-    arm = PlanarArm(lengths=(200.0, 180.0, 30.0))
+    turned = {} if direction is None else {"gravity_direction": direction}
+    arm = PlanarArm(lengths=(200.0, 180.0, 30.0), **turned)
+    pull = np.array([0.0, -G] if direction is None else [math.cos(0.7) * G, math.sin(0.7) * G])
     scenario = does(OPEN, Circle(500.0), arm)
     swing = gesture(arm, START, TARGET)
     n = round(7.0 / dt)
@@ -76,7 +78,7 @@ def test_a_free_object_moves_on_a_parabola_in_the_world(dt: float) -> None:
     p0, v0 = to_world(arm, swing, 0.0, 10.0, 3000.0), turn @ np.array([4.0, -3.0])
     for k in (0, n // 3, n // 2, n - 1):
         t = (k + 1) * dt
-        expected = p0 + v0 * t - np.array([0, 0.5 * G * t**2])
+        expected = p0 + v0 * t + pull * (t**2 / 2)
         got = to_world(arm, swing, t, float(path.position.x[k]), float(path.position.y[k]))
         np.testing.assert_allclose(got, expected, atol=1e-7)
 
@@ -150,13 +152,27 @@ def test_a_limb_that_sweeps_into_an_object_passes_on_its_velocity(dt: float) -> 
     np.testing.assert_allclose(velocity, expected, atol=2e-4 * np.hypot(*expected))
 
 
-def test_turning_world_and_gravity_together_changes_nothing() -> None:
+BODIES = pytest.mark.parametrize("body", [Circle(50.0), Stick(50.0, 0.6)])
+
+
+@BODIES
+def test_turning_mount_and_gravity_together_changes_nothing(body: Circle | Stick) -> None:
+    run = jax.jit(lambda arm: trajectory(does(two_joint_hand(), body, arm), trial=3, dt=0.01))
+    reference = run(PlanarArm())
+    for turn in (0.7, -2.9):
+        turned = PlanarArm(mount_angle=-math.pi / 2 + turn, gravity_direction=-math.pi / 2 + turn)
+        other = run(turned)
+        np.testing.assert_array_equal(reference.status, other.status)
+        np.testing.assert_allclose(reference.position.x, other.position.x, atol=1e-6)
+        np.testing.assert_allclose(reference.position.y, other.position.y, atol=1e-6)
+    gravity_alone = run(PlanarArm(gravity_direction=0.7 - math.pi / 2))
+    assert np.abs(reference.position.x - gravity_alone.position.x).max() > 1.0
+
+
+def test_turning_the_mount_against_the_first_joint_changes_nothing() -> None:
     hand = two_joint_hand()
     arm = PlanarArm()
     reference = jax.jit(lambda: trajectory(does(hand, Circle(50.0), arm), trial=3, dt=0.01))()
-    # Gravity points down the world's -y; turning the mount by a and gravity by a is the same as
-    # turning nothing, which for this drive means: only mount_angle - direction of gravity matters.
-    # Seen from the first link, a hand without the first joint's offset is the same system.
     shifted = PlanarArm(
         rest=(0.5, math.pi / 4, 0.0),
         low=(0.5 - math.pi / 4, 0.0, 0.0),
@@ -204,6 +220,7 @@ def test_eoen_is_refused_for_two_joints_and_defined_for_three() -> None:
         ({"rest": (0.0, math.nan, 0.0)}, "rest of joint 2"),
         ({"lengths": (1.0, 1.0)}, "three joints"),
         ({"gravity": -1.0}, "gravity"),
+        ({"gravity_direction": math.inf}, "gravity_direction"),
         ({"ramp_time": 11.0}, "ramp_time"),
         ({"ramp_time": 3.3}, "fiftieths"),
     ],

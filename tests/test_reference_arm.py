@@ -15,12 +15,14 @@ import numpy as np
 import pytest
 
 from pcjax.engines.draws import period_draws, start_draws, trial_key
+from pcjax.engines.ensemble import LIMIT
 from pcjax.engines.stepping import trajectory
+from pcjax.evaluate import evaluate
 from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Circle, Stick
 from pcjax.model.hand import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does
-from pcjax.physics.step import PASSED, State
+from pcjax.physics.step import PAPER_DT, PASSED, State
 from tests.reference import simulator, world
 
 pytestmark = pytest.mark.usefixtures("x64")
@@ -28,8 +30,11 @@ pytestmark = pytest.mark.usefixtures("x64")
 PER_PERIOD = 10_000
 
 
-def reference(scenario: Scenario, trial: int, steps: int) -> dict[str, Any]:
-    """The same trial by the reference, its geometry and targets worked out by the reference too."""
+def reference(scenario: Scenario, trial: int, steps: int, dt: float = 0.001) -> dict[str, Any]:
+    """The same trial by the reference, its geometry and targets worked out by the reference too.
+
+    `steps` are of `dt` seconds.
+    """
     hand, body, law = scenario.hand, scenario.body, scenario.law
     limbs = simulator.hand_limbs(hand.palm_length, hand.lengths, hand.angles)
     counts = [len(finger) for finger in hand.lengths]
@@ -38,7 +43,7 @@ def reference(scenario: Scenario, trial: int, steps: int) -> dict[str, Any]:
     first = scenario.start(start_draws(key, 3))
     start = (float(first.x), float(first.y))
     count = 3 if isinstance(scenario.drive, PlanarArm) else 2
-    periods = math.ceil(steps / PER_PERIOD)
+    periods = math.ceil(steps * dt / scenario.drive.period)
     draws = np.array([period_draws(key, k, count) for k in range(periods)])
     if count == 3:
         low, high = np.array([-math.pi / 4, 0.0, 0.0]), np.array([math.pi / 4, math.pi / 2, 0.0])
@@ -48,11 +53,20 @@ def reference(scenario: Scenario, trial: int, steps: int) -> dict[str, Any]:
     given = (law.restitution, law.resting_speed, start)
     if isinstance(body, Circle):
         return world.simulate_circle(
-            limbs, counts[0], goal, body.radius, *given, drive, steps=steps
+            limbs, counts[0], goal, body.radius, *given, drive, dt=dt, steps=steps
         )
     half = body.half_length
     return world.simulate_stick(
-        limbs, counts[0], goal, half, 2e-4 * half, *given, body.orientation, drive, steps=steps
+        limbs,
+        counts[0],
+        goal,
+        half,
+        2e-4 * half,
+        *given,
+        body.orientation,
+        drive,
+        dt=dt,
+        steps=steps,
     )
 
 
@@ -124,3 +138,51 @@ def test_escape_steps_on_the_arm() -> None:
         ended += other is not None
     assert ended >= 2
     assert same >= 4
+
+
+DT = 0.01
+"""The step of both programs where their indices are compared, s."""
+
+SHALLOW = box_hand(0.0, gap_width=380.0, fingertip_length=30.0, side_length=200.0)
+"""A box that most sticks leave within a few periods."""
+
+
+@pytest.mark.parametrize(
+    ("scenario", "max_steps", "trials"),
+    [
+        (does(two_joint_hand(math.radians(55)), Circle(50.0), PlanarArm()), 12_000, 200),
+        (
+            does(two_joint_hand(math.radians(65)), Stick(50.0, math.radians(45)), PlanarArm()),
+            8_000,
+            70,
+        ),
+        (does(SHALLOW, Stick(25.0, math.radians(45))), 15_000, 40),
+    ],
+    ids=["circle on the arm", "stick on the arm", "stick under wrist tilt"],
+)
+def test_indices_agree(scenario: Scenario, max_steps: int, trials: int) -> None:
+    # Paired: trial i is the same experiment, and where trials stay together to their end their
+    # difference is 0. |z| < 3.5 is a false alarm once in 2,000 runs for each of the six indices.
+    mine = evaluate(
+        scenario.hand,
+        scenario.body,
+        direction="does",
+        drive=scenario.drive,
+        trials=trials,
+        max_steps=max_steps,
+        engine="stepping",
+        dt=DT,
+        precision=64,
+    )
+    per_step = DT / PAPER_DT
+    limit = round(max_steps / per_step)
+    escapes = [reference(scenario, i, limit, DT)["escape_step"] for i in range(trials)]
+    stayed = np.array([step is None for step in escapes])
+    theirs = np.array([limit if step is None else step for step in escapes], float)
+    data = mine.dataset.sel(direction="does")
+    steps = np.ceil(data.escape_step.values / per_step)
+    for difference in (steps - theirs, (data.status.values == LIMIT) - stayed.astype(float)):
+        se = difference.std(ddof=1) / math.sqrt(trials)
+        assert abs(difference.mean()) <= 3.5 * se
+    assert 0.02 < stayed.mean() < 0.9
+    assert np.mean(steps == theirs) > 0.3

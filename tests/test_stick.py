@@ -274,6 +274,29 @@ def test_gradients_are_finite_and_right(smoothing: float | None) -> None:
             np.testing.assert_allclose(exact[k], difference, atol=0.02 * scale)
 
 
+def test_derivatives_through_smoothed_contact_match_central_differences() -> None:
+    # One and four seconds after the start; the stick has met palm and side three and four times.
+    def outcome(*at: jax.Array) -> jax.Array:
+        first, second, side, orientation = at
+        hand = two_joint_hand(first, second, lengths=(side, 100.0))
+        scenario = does(hand, Stick(HALF, orientation), PlanarArm(), ContactLaw(smoothing=1.0))
+        path = trajectory(scenario, trial=3, periods=1, dt=0.01)
+        numbers = path.position, path.velocity, path.angle, path.spin
+        return jnp.stack([leaf[jnp.array([110, 399])] for leaf in jax.tree.leaves(numbers)])
+
+    at = tuple(jnp.asarray(x) for x in (1.134, 1.6, 200.0, 0.7))
+    value = jax.jit(outcome)
+    exact = jax.jit(jax.jacfwd(outcome, argnums=(0, 1, 2, 3)))(*at)
+    for k, h in enumerate((1e-6, 1e-6, 1e-4, 1e-6)):
+        plus, minus = (
+            value(*(a + sign * h * (i == k) for i, a in enumerate(at))) for sign in (1, -1)
+        )
+        difference = (plus - minus) / (2 * h)
+        assert np.abs(difference).max() > 0.5
+        scale = np.abs(difference).max()
+        np.testing.assert_allclose(exact[k], difference, atol=1e-6 * scale)
+
+
 def test_index_1_of_the_papers_stick_and_no_invalid_trials() -> None:
     # 600 trials in float32 against 5,000 others of ours (s.e. 31, 88 and 232): a difference of four
     # joint standard errors is a false alarm once in 16,000 runs for each.

@@ -30,9 +30,9 @@ class Gesture(eqx.Module):
 class PlanarArm(eqx.Module):
     """The planar arm of Sec. 3.6: three links that carry the hand about under steady gravity.
 
-    The world's y axis points up. The first link points along `mount_angle` (from the world's x
-    axis) when its joint angle is 0, and each further link continues its predecessor when its own
-    is. The last link's direction is the way the hand points, and its end the middle of the palm.
+    The first link points along `mount_angle` (from the world's x axis) when its joint angle is 0,
+    and each further link continues its predecessor when its own is. The last link's direction is
+    the way the hand points, and its end the middle of the palm.
 
     In every period each joint moves at uniform speed from where it is to a new target, uniform
     between `low` and `high`, reaches it after `ramp_time` and holds it. A trial begins at `rest`.
@@ -43,6 +43,7 @@ class PlanarArm(eqx.Module):
         low, high: bounds of the joint angles' targets, radians.
         mount_angle: where the first link points at joint angle 0, radians; -pi/2: it hangs.
         gravity: g, length / s^2.
+        gravity_direction: where gravity points (from the world's x axis), radians; -pi/2: down.
         ramp_time: seconds of each period in which the arm moves; a whole number of fiftieths of the
             period, so that steps end where it does (fixed when compiled).
         period: seconds between draws of new targets (fixed when compiled).
@@ -58,6 +59,7 @@ class PlanarArm(eqx.Module):
     high: Joints
     mount_angle: Scalar
     gravity: Scalar
+    gravity_direction: Scalar
     ramp_time: float = eqx.field(static=True)
     period: float = eqx.field(static=True)
 
@@ -71,6 +73,7 @@ class PlanarArm(eqx.Module):
         high: Joints = (math.pi / 4, math.pi / 2, 0.0),
         mount_angle: Scalar = -math.pi / 2,
         gravity: Scalar = 9.8,
+        gravity_direction: Scalar = -math.pi / 2,
         ramp_time: float = 5.0,
         period: float = 10.0,
     ):
@@ -86,6 +89,7 @@ class PlanarArm(eqx.Module):
         check_finite("mount_angle", mount_angle)
         check_finite("gravity", gravity)
         check_between("gravity", gravity, 0.0, math.inf)
+        check_finite("gravity_direction", gravity_direction)
         check_positive("period", period)
         check_positive("ramp_time", ramp_time)
         check_between("ramp_time", ramp_time, 0.0, period)
@@ -98,6 +102,7 @@ class PlanarArm(eqx.Module):
         self.lengths, self.rest, self.low, self.high = lengths, rest, low, high
         self.mount_angle = mount_angle
         self.gravity = gravity
+        self.gravity_direction = gravity_direction
         self.ramp_time = float(ramp_time)
         self.period = float(period)
 
@@ -200,7 +205,9 @@ class PlanarArm(eqx.Module):
         )
 
     def _gravity_at(self, joints: Joints) -> Vec:
-        heading = self.mount_angle + _sums(joints)[2]
+        # Where the hand points in axes in which gravity points along -y.
+        mount = self.mount_angle - (self.gravity_direction + math.pi / 2)
+        heading = mount + _sums(joints)[2]
         return Vec(self.gravity * jnp.cos(heading), -self.gravity * jnp.sin(heading))
 
 

@@ -1,47 +1,73 @@
-"""What a contact does: the impact (7) at its time within the step, and being held off the limbs."""
+"""What a contact does: impacts (7) at their time within the step, and being held off the limbs."""
 
 from __future__ import annotations
 
+import functools
+
+import jax
 import jax.numpy as jnp
 
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.motion import Motion
 from pcjax.physics.collide import Contact
-from pcjax.planar import Scalar, Vec, fence, safe_sqrt, unit_and_length
+from pcjax.planar import Scalar, Vec, fence, fence_all, safe_sqrt, unit_and_length
 
 INACTIVE = -1e30
 """A bound that never binds, for a contact that is off."""
 
 
 def bounce(
-    law: ContactLaw, contact: Contact, radius: Scalar, end: Motion, dt: Scalar, one: Scalar
+    law: ContactLaw,
+    contacts: tuple[Contact, Contact],
+    radius: Scalar,
+    end: Motion,
+    dt: Scalar,
+    one: Scalar,
 ) -> Motion:
-    """Resolves the impact with one limb at its time within the step that led to `end`.
+    """Resolves an impact with each of two limbs at its time within the step that led to `end`.
 
-    The time since the impact follows from the penetration at the end of the step; the normal is
-    taken at the impact (once refined, so that a limb's round end is met to second order), the
-    impulse (7) acts there, and what it changes of the velocity is carried on to the end of the
-    step. On a straight limb under constant acceleration this is exact.
+    The time since an impact follows from the penetration at the end of the step, the normal is
+    taken at the impact, the impulse (7) acts there, and what it changes of the velocity is carried
+    on to the end of the step. The limb that was reached first comes first (its time once refined,
+    so that a limb's round end is met to second order); the other one is met on the way that is left
+    from there. On straight limbs under constant acceleration both are exact, unless the second
+    impact sends the circle back to the first limb within the step.
     """
 
-    def into(normal: Vec) -> tuple[Scalar, Scalar]:
-        return -end.relative().dot(normal), -end.acceleration.dot(normal)
+    def begun(end: Motion, normal: Vec, penetration: Scalar, longest: Scalar) -> Scalar:
+        inwards, pressing = -end.relative().dot(normal), -end.acceleration.dot(normal)
+        return fence(time_since_contact(inwards, pressing, penetration, longest), one)
 
-    normal, distance = unit_and_length(contact.offset)
-    penetration = radius - distance
-    since = fence(time_since_contact(*into(normal), penetration, dt), one)
-    back = _way_back(end, since)
-    normal, distance = contact.after(back)
+    def kicked(end: Motion, normal: Vec, penetration: Scalar, since: Scalar) -> Motion:
+        approach = -(end.relative() - end.acceleration * since).dot(normal)  # (3): only if positive
+        restitution = jnp.where(approach > law.resting_speed, law.restitution, 0.0)
+        change = law.switch(penetration) * (1.0 + restitution) * jnp.maximum(approach, 0.0)  # (7)
+        kick = fence_all(end.turned(normal * fence(change, one), since), one)
+        return Motion(end.position + kick * since, end.velocity + kick, end.acceleration, end.carry)
+
+    seen = [unit_and_length(contact.offset) for contact in contacts]
+    depths = [radius - distance for _, distance in seen]
+    times = [begun(end, normal, depth, dt) for (normal, _), depth in zip(seen, depths, strict=True)]
+    swapped = times[1] > times[0]
+    first, second = (
+        jax.tree.map(functools.partial(jnp.where, swapped), contacts[1 - k], contacts[k])
+        for k in (0, 1)
+    )
+    penetration = jnp.where(swapped, depths[1], depths[0])
+
+    back = _way_back(end, jnp.maximum(times[0], times[1]))
+    normal, distance = first.after(back)
     # How deep the end of the step lies below the tangent plane at the estimated impact.
     depth = radius - distance + normal.dot(back)
-    since = time_since_contact(*into(normal), depth, dt)
-    since = fence(jnp.where(penetration > 0, since, 0.0), one)
-    normal, _ = contact.after(_way_back(end, since))
-    approach = -(end.relative() - end.acceleration * since).dot(normal)  # (3): only if positive
-    restitution = jnp.where(approach > law.resting_speed, law.restitution, 0.0)
-    change = law.switch(penetration) * (1.0 + restitution) * jnp.maximum(approach, 0.0)  # (7)
-    kick = end.turned(normal * fence(change, one), since)
-    return Motion(end.position + kick * since, end.velocity + kick, end.acceleration, end.carry)
+    since = jnp.where(penetration > 0, begun(end, normal, depth, dt), 0.0)
+    normal, _ = first.after(_way_back(end, since))
+    moved = kicked(end, normal, penetration, since)
+
+    move = moved.position - end.position
+    normal, distance = second.after(move)
+    since = begun(moved, normal, radius - distance, since)
+    later, _ = second.after(move + _way_back(moved, since))
+    return kicked(moved, later, radius - distance, since)
 
 
 def _way_back(end: Motion, time: Scalar) -> Vec:
@@ -50,16 +76,17 @@ def _way_back(end: Motion, time: Scalar) -> Vec:
 
 
 def time_since_contact(
-    inwards: Scalar, pressing: Scalar, penetration: Scalar, dt: Scalar
+    inwards: Scalar, pressing: Scalar, penetration: Scalar, longest: Scalar
 ) -> Scalar:
-    """Seconds before the end of the step at which a penetration began, in [0, dt].
+    """Seconds before the end of the step at which a penetration began, in [0, longest].
 
     With speed u and acceleration a into the limb, penetration = u s - a s^2 / 2.
     """
     denominator = inwards + safe_sqrt(inwards * inwards - 2.0 * pressing * penetration)
     entered = (penetration > 0) & (denominator > 0)
     since = 2.0 * penetration / jnp.where(entered, denominator, 1.0)
-    return jnp.where(entered, jnp.minimum(since, dt), jnp.where(penetration > 0, dt, 0.0))
+    since = jnp.where(entered, jnp.minimum(since, longest), longest)
+    return jnp.where(penetration > 0, since, 0.0)
 
 
 def hold_off(
@@ -75,11 +102,11 @@ def hold_off(
 
     This keeps a sliding circle on its limb and a resting one in its corner, where approach is no
     more than the step's acceleration makes it; on a straight limb it leaves the motion along the
-    limb untouched. A faster approach is a second impact in the same step and keeps its restitution.
+    limb untouched. A faster approach is one impact more in the same step; it keeps its restitution.
 
     Arguments:
         contacts: as seen from the end of the step's free motion.
-        end: the motion after the first impact.
+        end: the motion after the impacts.
         move: from the end of the free motion to `end.position`.
     """
     normals, depths = [], []

@@ -113,10 +113,10 @@ def advance(world: World, swing: Any, state: State, dt: Scalar) -> State:
 
 
 def meet_limbs(world: World, free: Motion, dt: Scalar, one: Scalar) -> Motion:
-    """The impact with the nearest limb, then rest and sliding on the two nearest."""
+    """Impacts with the two nearest limbs, then rest and sliding on them."""
     radius = world.body.radius
     contacts = two_nearest(world.limbs, free.position, one)
-    moved = bounce(world.law, contacts[0], radius, free, dt, one)
+    moved = bounce(world.law, contacts, radius, free, dt, one)
     return hold_off(world.law, contacts, radius, moved, moved.position - free.position, dt, one)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import jax
@@ -59,7 +60,10 @@ def plot_scenes(
 
 
 def draw_scene(axis: Axes, scenario: Scenario, swing: Gesture, time: float, state: State) -> None:
-    """The arm, the hand and the object at one time of a period, in the world."""
+    """The arm, the hand and the object at one time of a period, in the world.
+
+    Where gravity does not point down the picture, an arrow at the base says where it does.
+    """
     assert isinstance(scenario.drive, PlanarArm)
     joints, angle = jax.device_get(scenario.drive.pose(swing, jnp.asarray(time)))
     base = np.array([[joint.x, joint.y] for joint in joints], float)
@@ -70,6 +74,12 @@ def draw_scene(axis: Axes, scenario: Scenario, swing: Gesture, time: float, stat
 
     axis.plot(*base.T, color="0.55", lw=4, solid_capstyle="round", zorder=1)
     axis.plot(*base[:-1].T, "o", color="0.3", ms=6, zorder=2)
+    pull = float(scenario.drive.gravity_direction)
+    if abs(math.remainder(pull + math.pi / 2, 2 * math.pi)) > 1e-6:
+        length = 0.4 * float(scenario.hand.palm_length)
+        tip = (length * math.cos(pull), length * math.sin(pull))
+        axis.annotate("", tip, (0.0, 0.0), arrowprops={"arrowstyle": "->", "color": "0.3"})
+        axis.annotate("g", tip, color="0.3", fontsize=9)
     for limb in jax.device_get(scenario.hand.limbs()):
         ends = np.array([world(limb.start.x, limb.start.y), world(limb.end.x, limb.end.y)])
         axis.plot(*ends.T, color="black", lw=2, solid_capstyle="round", zorder=3)

@@ -10,8 +10,9 @@ One step of length ``dt``
 -------------------------
 1. Free motion: constant acceleration that ends where the exact solution (arm) or RK4 (wrist) does; a stick keeps its
    spin.
-2. The contact that is deepest at the end of the step is an impact, at the last moment at which it began, found by
-   regula falsi between object and moving limb: eq. (7), or (14)-(17), there, and free motion to the end of the step.
+2. A contact at the end of the step is an impact, at the last moment at which it began, found by regula falsi between
+   object and moving limb: eq. (7), or (14)-(17), there, and free motion to the end of the step. A circle meets the two
+   nearest limbs so, one after the other, a stick the one contact that is deepest.
 3. What then still overlaps is pushed out, by the least pushes that leave no overlap, and the velocity into it is turned
    back likewise, as by a force that has acted all through the step.  Faster approaches than rest and the step's
    acceleration explain are further impacts and keep their restitution.  For a stick this is done twice, for the
@@ -324,12 +325,11 @@ def simulate_circle(
         slack -= hypot(local[0] - last[0], local[1] - last[1])
         if slack <= 0.0:
             placed = hand.placed(pose)
-            near = _nearest(placed, x1, y1, inf)
-            first = min(near, key=lambda contact: contact.distance)
-            slack = first.distance - radius
+            near = sorted(_nearest(placed, x1, y1, inf), key=lambda contact: contact.distance)[:2]
+            slack = near[0].distance - radius
             if slack < 0.0:
                 x1, y1, vx1, vy1, hit = _circle_contacts(
-                    hand, drive, k, time + dt, moving, pose, placed, first,
+                    hand, drive, k, time + dt, moving, pose, placed, near,
                     (x1, y1, vx1, vy1, ax, ay), radius, restitution, resting_speed, dt,
                 )  # fmt: skip
                 local = pose.back(x1, y1)
@@ -362,7 +362,7 @@ def _circle_contacts(
     moving: bool,
     pose: Pose,
     placed: Sequence[tuple[float, ...]],
-    first: _Near,
+    near: Sequence[_Near],
     end: tuple[float, float, float, float, float, float],
     radius: float,
     restitution: float,
@@ -375,27 +375,41 @@ def _circle_contacts(
     fx, fy = pose.acceleration(x1, y1, vx1 - speed[0], vy1 - speed[1])
     felt_x, felt_y = ax - fx, ay - fy
 
-    def at(since: float) -> tuple[float, float, float, float, float, Pose]:
-        """Distance and normal from the struck limb, and the closest point of it, some time ago."""
+    x, y, vx, vy = x1, y1, vx1, vy1
+
+    def at(i: int, since: float) -> tuple[float, float, float, float, float, Pose]:
+        """Distance and normal from limb i, and the closest point of it, some time ago."""
         then = drive.pose(k, end_time - since, moving)
-        x = x1 - vx1 * since + 0.5 * ax * since * since
-        y = y1 - vy1 * since + 0.5 * ay * since * since
-        lax, lay, lux, luy, length = hand.limbs[first.limb]
-        lx, ly = then.back(x, y)
+        px = x - vx * since + 0.5 * ax * since * since
+        py = y - vy * since + 0.5 * ay * since * since
+        lax, lay, lux, luy, length = hand.limbs[i]
+        lx, ly = then.back(px, py)
         along = min(max((lx - lax) * lux + (ly - lay) * luy, 0.0), length)
         qx, qy = then.out(lax + along * lux, lay + along * luy)
-        distance = hypot(x - qx, y - qy)
-        return distance, (x - qx) / distance, (y - qy) / distance, qx, qy, then
+        distance = hypot(px - qx, py - qy)
+        return distance, (px - qx) / distance, (py - qy) / distance, qx, qy, then
 
-    since = seconds_since(lambda s: at(s)[0] - radius, dt)
-    _, nx, ny, qx, qy, then = at(since)
-    ux, uy = then.velocity(qx, qy)
-    approach = -((vx1 - ax * since - ux) * nx + (vy1 - ay * since - uy) * ny)
-    e = restitution if approach > resting_speed else 0.0
-    kick = (1.0 + e) * max(approach, 0.0)  # (7)
-    vx, vy = vx1 + kick * nx, vy1 + kick * ny
-    x, y = x1 + kick * nx * since, y1 + kick * ny * since
-    hit = e > 0.0
+    hit, latest, waiting = False, dt, [c.limb for c in near]
+    while waiting:
+        begun = {
+            i: seconds_since(lambda s, i=i: at(i, s)[0] - radius, latest)
+            for i in waiting
+            if at(i, 0.0)[0] < radius
+        }
+        if not begun:
+            break
+        struck = max(begun, key=lambda i: begun[i])
+        since = begun[struck]
+        _, nx, ny, qx, qy, then = at(struck, since)
+        ux, uy = then.velocity(qx, qy)
+        approach = -((vx - ax * since - ux) * nx + (vy - ay * since - uy) * ny)
+        e = restitution if approach > resting_speed else 0.0
+        kick = (1.0 + e) * max(approach, 0.0)  # (7)
+        x, y = x + kick * nx * since, y + kick * ny * since
+        vx, vy = vx + kick * nx, vy + kick * ny
+        hit = hit or e > 0.0
+        latest = since
+        waiting.remove(struck)
 
     contacts = sorted(_nearest(placed, x, y, inf), key=lambda contact: contact.distance)[:2]
     overlaps = [[a.nx * b.nx + a.ny * b.ny for b in contacts] for a in contacts]
