@@ -10,9 +10,18 @@ from pathlib import Path
 
 import pytest
 
+import pcjax
+from pcjax.study import Study
+
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
 SMALL = ["--trials", "20", "--max-steps", "20000"]
+SMALLER = {
+    "Surrogate(task, trials=500)": "Surrogate(task, trials=20)",
+    "max_steps=600_000": "max_steps=20_000",
+    "iterations=12, accept_trials=2000": "iterations=1, accept_trials=20, check_trials=20",
+    "trials=500": "trials=40, max_steps=20_000",
+}
 
 
 def blocks(language: str) -> list[str]:
@@ -32,9 +41,13 @@ def test_there_are_examples() -> None:
 @pytest.mark.parametrize("line", COMMANDS)
 def test_command(line: str, tmp_path: Path) -> None:
     words = shlex.split(line, comments=True)[1:]
+    (tmp_path / "best.toml").write_text(
+        Study(pcjax.box_hand(), pcjax.Circle(25.0), pcjax.WristTilt(), pcjax.ContactLaw()).to_toml()
+    )
+    less = ["--iterations", "1", "--accept-trials", "20"] if words[0] == "optimize" else []
     # a later flag wins over an earlier one
     done = subprocess.run(
-        [sys.executable, "-m", "pcjax", *words, *SMALL],
+        [sys.executable, "-m", "pcjax", *words, *SMALL, *less],
         cwd=tmp_path,
         capture_output=True,
         text=True,
@@ -44,15 +57,15 @@ def test_command(line: str, tmp_path: Path) -> None:
     assert done.stdout
     for k, word in enumerate(words):
         if word in ("--out", "--plot"):
-            assert (tmp_path / words[k + 1]).stat().st_size > 1000
+            assert (tmp_path / words[k + 1]).stat().st_size > 300
 
 
 @pytest.mark.parametrize("code", blocks("python"))
 def test_python_example(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    exec(
-        compile(code.replace("trials=500", "trials=40, max_steps=20_000"), "README.md", "exec"), {}
-    )
+    for large, small in SMALLER.items():
+        code = code.replace(large, small)
+    exec(compile(code, "README.md", "exec"), {})
 
 
 def test_links_and_pictures_exist() -> None:
