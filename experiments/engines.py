@@ -135,9 +135,9 @@ GROUPS = {
     ),
     "arm": Group(
         {
-            "circle on the arm": Part(arm_circles, 1500, 300_000),
-            "stick on the arm": Part(arm_sticks, 600, 180_000),
-            "stick on the wrist": Part(wrist_sticks, 120, 60_000),
+            "circle on the arm": Part(arm_circles, 1000, 300_000),
+            "stick on the arm": Part(arm_sticks, 340, 180_000),
+            "stick on the wrist": Part(wrist_sticks, 64, 60_000),
         },
         (0.001, 0.005, 0.01, 0.02, 0.04),
         event=False,
@@ -160,6 +160,11 @@ def main() -> None:
         max_steps = arguments.max_steps or part.max_steps
         print(f"{name}: {trials:,} trials to {max_steps:,} steps", flush=True)
         measured[name] = measure(part.conditions(), group.engines(), trials, max_steps)
+        keep(measured, group)  # also of a run that is cut short
+
+
+def keep(measured: Mapping[str, list[dict]], group: Group) -> None:
+    """Writes table and picture of the parts measured so far."""
     rows = [row for part in measured.values() for row in part]
     with (RESULTS / f"{group.stem}.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
@@ -173,9 +178,11 @@ def measure(
 ) -> list[dict]:
     """A row for each precision, engine and condition, against the first engine in float64."""
     scenarios = list(named.values())
+    # No larger than the batch, or empty lanes would count as cost.
+    block = min(1024, 1 << (trials * len(scenarios) - 1).bit_length())
 
     def timed(engine: Engine, precision: int) -> tuple[np.ndarray, np.ndarray, float]:
-        go = functools.partial(run, scenarios, engine=engine, precision=precision, block=1024)
+        go = functools.partial(run, scenarios, engine=engine, precision=precision, block=block)
         go(trials=1, max_steps=1)  # compiles
         began = time.process_time()
         out = go(trials=trials, max_steps=max_steps)
