@@ -2,15 +2,19 @@
 
 The reference is stepping at dt = 0.001 s in float64 on the same draws, so biases are paired. Cost
 is the time of one core, which other work on the machine changes little.
-Keeps `results/engines.csv` and draws `results/engines.png`.
+Keeps `results/engines.csv` and draws `results/engines.png` for the group "wrist" (circles), and
+`results/engines_arm.csv` and `.png` for the group "arm" (circles on the arm, and sticks).
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import functools
 import math
 import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,20 +25,58 @@ from pcjax.engines.ensemble import run
 from pcjax.engines.event import EventDriven
 from pcjax.engines.lanes import Engine
 from pcjax.engines.stepping import Stepping
-from pcjax.model.body import Circle
+from pcjax.model.arm import PlanarArm
+from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
-from pcjax.model.hand import box_hand
+from pcjax.model.hand import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.step import INVALID
 
 RESULTS = Path(__file__).parent / "results"
-ENGINES = {f"dt = {dt:g}": Stepping(dt) for dt in (0.001, 0.005, 0.01, 0.02, 0.05)} | {
-    "event": EventDriven()
-}
+STILL_GOOD = 1e-3
+"""The share of trials that may go invalid before a point is left out of the picture."""
 
 
-def conditions() -> dict[str, Scenario]:
+@dataclass(frozen=True)
+class Part:
+    """Conditions of equal structure, which run in one batch.
+
+    Attributes:
+        conditions: makes the named conditions.
+        trials, max_steps: of each.
+    """
+
+    conditions: Callable[[], dict[str, Scenario]]
+    trials: int
+    max_steps: int
+
+
+@dataclass(frozen=True)
+class Group:
+    """What one table and one picture show.
+
+    Attributes:
+        parts: by name; a row of the picture for each.
+        steps: the steps of the stepping engine, s; the reference's own comes first.
+        event: whether the event-driven engine applies.
+        reach: of the picture's axis of biases, percent.
+        stem: of the names of the files.
+    """
+
+    parts: Mapping[str, Part]
+    steps: tuple[float, ...]
+    event: bool
+    reach: float
+    stem: str
+
+    def engines(self) -> dict[str, Engine]:
+        """The engines by name, the reference first."""
+        stepping = {f"dt = {dt:g}": Stepping(dt) for dt in self.steps}
+        return {**stepping, "event": EventDriven()} if self.event else dict(stepping)
+
+
+def wrist_circles() -> dict[str, Scenario]:
     """Small and large objects, tapered and flared tips, a tight gap, bouncy and heavy."""
 
     def make(angle: float, radius: float, *, gap: float = 200.0, e: float = 0.1, g: float = 9.8):
@@ -56,27 +98,103 @@ def conditions() -> dict[str, Scenario]:
     }
 
 
+def arm_circles() -> dict[str, Scenario]:
+    """A wide, a narrow and an inward-pointing gate."""
+    return {
+        f"{first}, {second} deg": does(
+            two_joint_hand(math.radians(first), math.radians(second)), Circle(50.0), PlanarArm()
+        )
+        for first, second in ((55, 90), (75, 90), (65, 120))
+    }
+
+
+def arm_sticks() -> dict[str, Scenario]:
+    """Two orientations at the start, and a hand that holds it for longer."""
+    return {
+        f"{first}, {second} deg, stick at {orientation} deg": does(
+            two_joint_hand(math.radians(first), math.radians(second)),
+            Stick(50.0, math.radians(orientation)),
+            PlanarArm(),
+        )
+        for first, second, orientation in ((65, 90, 0), (65, 90, 45), (65, 120, 90))
+    }
+
+
+def wrist_sticks() -> dict[str, Scenario]:
+    """A stick half as long as the opening between the fingertips' joints is wide."""
+    return {"10 deg, stick of half length 25": does(box_hand(math.radians(10)), Stick(25.0))}
+
+
+GROUPS = {
+    "wrist": Group(
+        {"circle on the wrist": Part(wrist_circles, 1500, 200_000)},
+        (0.001, 0.005, 0.01, 0.02, 0.05),
+        event=True,
+        reach=1.0,
+        stem="engines",
+    ),
+    "arm": Group(
+        {
+            "circle on the arm": Part(arm_circles, 1000, 300_000),
+            "stick on the arm": Part(arm_sticks, 340, 180_000),
+            "stick on the wrist": Part(wrist_sticks, 64, 60_000),
+        },
+        (0.001, 0.005, 0.01, 0.02, 0.04),
+        event=False,
+        reach=3.0,
+        stem="engines_arm",
+    ),
+}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trials", type=int, default=1500)
-    parser.add_argument("--max-steps", type=int, default=200_000)
+    parser.add_argument("--group", choices=list(GROUPS), default="wrist")
+    parser.add_argument("--trials", type=int, help="each part's own number unless given")
+    parser.add_argument("--max-steps", type=int, help="each part's own limit unless given")
     arguments = parser.parse_args()
-    settings = {"trials": arguments.trials, "max_steps": arguments.max_steps}
-    named = conditions()
+    group = GROUPS[arguments.group]
+    measured = {}
+    for name, part in group.parts.items():
+        trials = arguments.trials or part.trials
+        max_steps = arguments.max_steps or part.max_steps
+        print(f"{name}: {trials:,} trials to {max_steps:,} steps", flush=True)
+        measured[name] = measure(part.conditions(), group.engines(), trials, max_steps)
+        keep(measured, group)  # also of a run that is cut short
+
+
+def keep(measured: Mapping[str, list[dict]], group: Group) -> None:
+    """Writes table and picture of the parts measured so far."""
+    rows = [row for part in measured.values() for row in part]
+    with (RESULTS / f"{group.stem}.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    draw(measured, group.reach).savefig(RESULTS / f"{group.stem}.png", dpi=110)
+
+
+def measure(
+    named: Mapping[str, Scenario], engines: Mapping[str, Engine], trials: int, max_steps: int
+) -> list[dict]:
+    """A row for each precision, engine and condition, against the first engine in float64."""
     scenarios = list(named.values())
+    # No larger than the batch, or empty lanes would count as cost.
+    block = min(1024, 1 << (trials * len(scenarios) - 1).bit_length())
 
     def timed(engine: Engine, precision: int) -> tuple[np.ndarray, np.ndarray, float]:
-        run(scenarios, trials=1, max_steps=1, engine=engine, precision=precision, block=1024)
+        go = functools.partial(run, scenarios, engine=engine, precision=precision, block=block)
+        go(trials=1, max_steps=1)  # compiles
         began = time.process_time()
-        out = run(scenarios, engine=engine, precision=precision, block=1024, **settings)
+        out = go(trials=trials, max_steps=max_steps)
         cost = (time.process_time() - began) / out.steps.size
         return out.steps.astype(float), out.status == INVALID, cost
 
-    reference, _, _ = timed(Stepping(0.001), 64)
-    rows = []
+    reference, rows = None, []
     for precision in (64, 32):
-        for name, engine in ENGINES.items():
+        for name, engine in engines.items():
             steps, invalid, cost = timed(engine, precision)
+            if reference is None:
+                reference = steps
             for k, condition in enumerate(named):
                 valid = ~invalid[k]
                 difference = (steps[k] - reference[k])[valid] / reference[k].mean()
@@ -93,52 +211,52 @@ def main() -> None:
                         "se_percent": round(100 * se, 4),
                         "invalid": int(invalid[k].sum()),
                         "cost_us_per_trial": round(1e6 * cost, 1),
-                        **settings,
+                        "trials": trials,
+                        "max_steps": max_steps,
                     }
                 )
             print(f"{name}, float{precision}: {1e6 * cost:.0f} us a trial", flush=True)
-    with (RESULTS / "engines.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-    draw(rows).savefig(RESULTS / "engines.png", dpi=110)
+    return rows
 
 
-def draw(rows: list[dict]) -> Figure:
-    """Bias with 95 % intervals over cost, a panel for each precision, a line for each condition."""
-    figure = Figure(figsize=(12, 5.6), layout="constrained")
-    axes = figure.subplots(1, 2, sharey=True)
-    names = list(dict.fromkeys(row["condition"] for row in rows))
-    for axis, bits in zip(axes, (64, 32), strict=True):
-        for k, name in enumerate(names):
-            mine = [row for row in rows if row["condition"] == name and row["bits"] == bits]
-            good = [row for row in mine if row["invalid"] == 0]
-            x = [row["cost_us_per_trial"] * (1 + 0.02 * (k - len(names) / 2)) for row in good]
-            axis.errorbar(
-                x,
-                [row["bias_percent"] for row in good],
-                [1.96 * row["se_percent"] for row in good],
-                fmt="o",
-                ms=4,
-                lw=1,
-                color=f"C{k % 10}",
-                mfc="white" if k >= 10 else f"C{k % 10}",
-                label=name,
+def draw(measured: Mapping[str, list[dict]], reach: float) -> Figure:
+    """Bias with 95 % intervals over cost: a row for each part, a panel for each precision, a colour
+    for each condition."""
+    figure = Figure(figsize=(12, 0.8 + 4.8 * len(measured)), layout="constrained")
+    grid = figure.subplots(len(measured), 2, sharey=True, squeeze=False)
+    for axes, (part, rows) in zip(grid, measured.items(), strict=True):
+        names = list(dict.fromkeys(row["condition"] for row in rows))
+        for axis, bits in zip(axes, (64, 32), strict=True):
+            shown = [row for row in rows if row["bits"] == bits]
+            for k, name in enumerate(names):
+                mine = [row for row in shown if row["condition"] == name]
+                good = [row for row in mine if row["invalid"] <= STILL_GOOD * row["trials"]]
+                x = [row["cost_us_per_trial"] * (1 + 0.02 * (k - len(names) / 2)) for row in good]
+                axis.errorbar(
+                    x,
+                    [row["bias_percent"] for row in good],
+                    [1.96 * row["se_percent"] for row in good],
+                    fmt="o",
+                    ms=4,
+                    lw=1,
+                    color=f"C{k % 10}",
+                    mfc="white" if k >= 10 else f"C{k % 10}",
+                    label=name,
+                )
+            for k, row in enumerate({row["engine"]: row for row in shown}.values()):
+                x, y = row["cost_us_per_trial"], (0.94 - 0.07 * (k % 2)) * reach
+                axis.text(x, y, row["engine"], ha="center", fontsize=9, backgroundcolor="white")
+            axis.axhspan(-0.3, 0.3, color="0.92", zorder=0)
+            axis.set(
+                xscale="log",
+                xlabel="cost per trial [us of one core]",
+                title=f"{part}, float{bits}; more than 0.1 % invalid: left out",
+                ylim=(-reach, reach),
             )
-        for k, row in enumerate({r["engine"]: r for r in rows if r["bits"] == bits}.values()):
-            x, y = row["cost_us_per_trial"], 0.94 - 0.07 * (k % 2)
-            axis.text(x, y, row["engine"], ha="center", fontsize=9, backgroundcolor="white")
-        axis.axhspan(-0.3, 0.3, color="0.92", zorder=0)
-        axis.set(
-            xscale="log",
-            xlabel="cost per trial [us of one core]",
-            title=f"float{bits}; where trials went invalid: left out",
-            ylim=(-1, 1),
-        )
-        axis.xaxis.set_minor_formatter(NullFormatter())
-        axis.grid(alpha=0.3)
-    axes[0].set_ylabel("bias of index 1 against dt = 0.001, float64 [%]")
-    axes[1].legend(fontsize=8, loc="lower left", ncols=2)
+            axis.xaxis.set_minor_formatter(NullFormatter())
+            axis.grid(alpha=0.3)
+        axes[0].set_ylabel("bias of index 1 against dt = 0.001, float64 [%]")
+        axes[1].legend(fontsize=8, loc="lower left", ncols=2 if len(names) > 4 else 1)
     return figure
 
 
