@@ -36,6 +36,7 @@ from pcjax.quality.surrogate import Surrogate, Task
 
 RESULTS = Path(__file__).parent / "results"
 UNSEEN = 777
+PARTS = ("grid", "two", "arm", "five")
 RADIUS, UNIT = 25.0, paper.WRIST_PALM_LENGTH
 BOUNDS = {"fingertip_angle": (-30.0, 45.0), "fingertip_length": (0.05 * UNIT, 0.35 * UNIT)}
 STARTS = [(-20, 0.1), (40, 0.1), (0, 0.3), (-30, 0.35), (10, 0.05)]
@@ -188,16 +189,21 @@ def arm_hand(scale: float) -> dict[str, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scale", type=float, default=1.0, help="factor on all numbers of trials")
-    scale = parser.parse_args().scale
-    found: dict[str, Any] = {"grid": grid(scale)}
-    print("rank correlation", found["grid"]["rank_correlation"], found["grid"]["best"], flush=True)
-    found["two"] = two_parameters(found["grid"]["best"], scale)
-    for row in found["two"]:
-        print({key: value for key, value in row.items() if key != "path"}, flush=True)
-    found["arm"] = arm_hand(scale)
-    print(found["arm"], flush=True)
-    found["five"] = five_parameters(scale)
-    (RESULTS / "optimum.json").write_text(json.dumps(_rounded(found)) + "\n")
+    parser.add_argument("--only", nargs="*", default=PARTS, choices=PARTS, help="parts to do anew")
+    arguments = parser.parse_args()
+    kept = RESULTS / "optimum.json"
+    found: dict[str, Any] = json.loads(kept.read_text()) if kept.exists() else {}
+    work = {
+        "grid": grid,
+        "two": lambda scale: two_parameters(found["grid"]["best"], scale),
+        "arm": arm_hand,
+        "five": five_parameters,
+    }
+    for part in PARTS:
+        if part in arguments.only:
+            found[part] = _rounded(work[part](arguments.scale))
+            kept.write_text(json.dumps(found) + "\n")
+            print(part, "done", flush=True)
     draw(found).savefig(RESULTS / "optimum.png", dpi=110)
 
 

@@ -208,12 +208,16 @@ def test_a_result_that_is_not_better_is_said_to_be_so() -> None:
 
 
 def test_a_plateau_within_noise_stops_a_start() -> None:
-    def steps(values: Sequence[float]) -> list[Step]:
-        return [Step([0.0], value, 0.01, [0.0], [0.0]) for value in values]
+    def rests(values: Sequence[float], places: Sequence[float] | None = None) -> bool:
+        places = [0.0] * len(values) if places is None else places
+        steps = [Step([x], v, 0.01, [0.0], [0.0]) for x, v in zip(places, values, strict=True)]
+        return at_rest(steps, np.array([10.0]))
 
-    assert not at_rest(steps(np.linspace(0, 1, 30).tolist()))
-    assert not at_rest(steps([0.5] * 11))
-    assert at_rest(steps([0.5] * 12))
+    assert not rests(np.linspace(0, 1, 30).tolist())
+    assert not rests([0.5] * 11)
+    assert rests([0.5] * 12)
+    # One that still moves is not at rest, whatever the score does.
+    assert not rests([0.5] * 12, np.linspace(0, 10, 12).tolist())
 
 
 def test_comparisons_are_paired() -> None:

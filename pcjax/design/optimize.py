@@ -12,7 +12,7 @@ import math
 import os
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,9 @@ from pcjax.quality.gradients import Differences, Estimator, Gradient
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate
 
+_REST = 0.15
+"""How far, in the parameters' scales, a design at rest moves at most from window to window."""
+
 Design = Float[np.ndarray, " parameters"]
 
 _CHECKPOINT, _CHOICE, _ACCEPTANCE = 0x10000000, 0x20000000, 0x30000000
@@ -47,8 +50,10 @@ class Settings:
     Arguments:
         iterations: at most.
         starts: the first from the given hand, the others spread over the space.
-        rate: first learning rate, in the parameters' scales (10 degrees, 0.1 L_p) an iteration; it
-            falls to 0 along a cosine.
+        rate: learning rate, in the parameters' scales (10 degrees, 0.1 L_p) an iteration; in the
+            second half of the iterations it falls to 0 along a cosine.
+        wide: factor on the reach of differences at the beginning; it falls to 1 in the first half.
+            Far from the top a wide look is surer of the direction, and its bias does no harm.
         check_every: iterations between exact checkpoints.
         check_trials: trials of each.
         accept_trials: trials of the final comparison.
@@ -58,9 +63,10 @@ class Settings:
         ValueError: a number out of range.
     """
 
-    iterations: int = 24
+    iterations: int = 36
     starts: int = 1
-    rate: float = 0.35
+    rate: float = 0.4
+    wide: float = 2.0
     check_every: int = 6
     check_trials: int = 1000
     accept_trials: int = 10_000
@@ -70,6 +76,7 @@ class Settings:
         check_count("iterations", self.iterations, 1, 100_000)
         check_count("starts", self.starts, 1, 1000)
         check_between("rate", self.rate, 1e-6, 10.0)
+        check_between("wide", self.wide, 1.0, 10.0)
         check_count("check_every", self.check_every, 1, 100_000)
         check_count("check_trials", self.check_trials, 2, 2**24)
         check_count("accept_trials", self.accept_trials, 2, 2**24)
@@ -175,9 +182,9 @@ def optimize(
     estimator = Differences() if estimator is None else estimator
     path = None if checkpoint is None else Path(checkpoint)
     starts = starting_designs(space, settings.starts, settings.seed)
-    # Less momentum than usual: a few dozen iterations leave no time to swing back.
-    rate = optax.cosine_decay_schedule(settings.rate, settings.iterations)
-    rule = optax.adam(rate, b1=0.6, b2=0.95)
+    # Shorter memory than usual: a few dozen iterations leave no time to swing back, nor to forget a
+    # steep beginning.
+    rule = optax.adam(_rate(settings), b1=0.6, b2=0.8)
     told = _fingerprint(surrogate, space, settings, estimator)
     state = _load(path, told) if path is not None and path.exists() else None
     if state is None:
@@ -216,6 +223,20 @@ def optimize(
     return accept(ends, state, starts[0], surrogate, space, settings, interrupted=interrupted)
 
 
+def _rate(settings: Settings) -> optax.Schedule:
+    half = settings.iterations // 2
+    fall = optax.cosine_decay_schedule(settings.rate, max(settings.iterations - half, 1))
+    return optax.join_schedules([optax.constant_schedule(settings.rate), fall], [half])
+
+
+def _looking_wide(estimator: Estimator, settings: Settings, iteration: int) -> Estimator:
+    """The estimator for an iteration: differences reach farther at the beginning."""
+    if not isinstance(estimator, Differences):
+        return estimator
+    left = max(0.0, 1.0 - 2.0 * iteration / settings.iterations)
+    return replace(estimator, reach=estimator.reach * settings.wide**left)
+
+
 def starting_designs(space: DesignSpace, count: int, seed: int) -> list[Design]:
     """The base hand's design and others spread over the space (Sobol), all allowed.
 
@@ -243,7 +264,8 @@ def _iterate(
     k, trials = state.iteration, state.trials
     going = [n for n, stopped in enumerate(state.stopped) if not stopped]
     at = [np.array(state.designs[n]) for n in going]
-    found = estimator(surrogate, space, at, settings.seed + k)
+    look = _looking_wide(estimator, settings, k)
+    found = look(surrogate, space, at, settings.seed + k)
     exact = None
     if k % settings.check_every == 0:
         exact = compare(
@@ -262,7 +284,7 @@ def _iterate(
             step.exact, step.exact_se = exact.scores[place].value, exact.scores[place].se
         history[n].append(step)
         designs[n], numbers[n] = _moved(rule, space, design, gradient, numbers[n])
-        stopped[n] = at_rest(history[n])
+        stopped[n] = at_rest(history[n], space.scales)
         trials += gradient.trials
     return Progress(
         history, designs, numbers, trials, state.seconds + time.perf_counter() - began, stopped
@@ -291,19 +313,29 @@ def _moved(
     return list(map(float, moved)), _numbers(state)
 
 
-def at_rest(steps: Sequence[Step]) -> bool:
-    """Whether the mean score of the last iterations is no higher than before, within noise."""
+def at_rest(steps: Sequence[Step], scales: Design) -> bool:
+    """Whether the last iterations neither raised the mean score, within noise, nor moved it far."""
     if len(steps) < 2 * _WINDOW:
         return False
-    values = np.array([step.value for step in steps[-2 * _WINDOW :]])
-    errors = np.array([step.value_se for step in steps[-2 * _WINDOW :]])
-    gain = values[_WINDOW:].mean() - values[:_WINDOW].mean()
-    return bool(gain < 0.5 * math.sqrt(np.mean(errors**2) * 2 / _WINDOW))
+    before, after = steps[-2 * _WINDOW : -_WINDOW], steps[-_WINDOW:]
+    gain = np.mean([step.value for step in after]) - np.mean([step.value for step in before])
+    noise = math.sqrt(2 * np.mean([step.value_se**2 for step in [*before, *after]]) / _WINDOW)
+    return bool(gain < 0.5 * noise and _drift(steps, scales) < _REST)
+
+
+def _drift(steps: Sequence[Step], scales: Design) -> float:
+    """How far the mean design moved from the last window but one to the last, in the scales."""
+    before, after = steps[-2 * _WINDOW : -_WINDOW], steps[-_WINDOW:]
+    moved = np.mean([s.design for s in after], axis=0) - np.mean([s.design for s in before], axis=0)
+    return float(np.max(np.abs(moved) / scales))
 
 
 def settled_design(space: DesignSpace, steps: Sequence[Step], last: Sequence[float]) -> Design:
-    """The mean of the last designs of a start, which is less noisy than any of them."""
-    designs = [step.design for step in steps[len(steps) - len(steps) // 3 :]]
+    """Where a start has come to: the mean of its last designs, less noisy than any of them, unless
+    it was still on its way."""
+    if len(steps) < 2 * _WINDOW or _drift(steps, space.scales) > _REST:
+        return np.array(last)
+    designs = [step.design for step in steps[-_WINDOW:]]
     return space.nearest_allowed(np.mean([*designs, last], axis=0), np.array(last))
 
 
