@@ -244,7 +244,7 @@ def draw(measured: Mapping[str, list[dict]], reach: float) -> Figure:
                     label=name,
                 )
             for k, row in enumerate({row["engine"]: row for row in shown}.values()):
-                x, y = row["cost_us_per_trial"], (0.94 - 0.07 * (k % 2)) * reach
+                x, y = row["cost_us_per_trial"], (0.88 - 0.08 * (k % 2)) * reach
                 axis.text(x, y, row["engine"], ha="center", fontsize=9, backgroundcolor="white")
             axis.axhspan(-0.3, 0.3, color="0.92", zorder=0)
             axis.set(
@@ -253,6 +253,7 @@ def draw(measured: Mapping[str, list[dict]], reach: float) -> Figure:
                 title=f"{part}, float{bits}; more than 0.1 % invalid: left out",
                 ylim=(-reach, reach),
             )
+            axis.margins(x=0.08)
             axis.xaxis.set_minor_formatter(NullFormatter())
             axis.grid(alpha=0.3)
         axes[0].set_ylabel("bias of index 1 against dt = 0.001, float64 [%]")
