@@ -596,7 +596,7 @@ BAD_GEOMETRY = [
 ]
 BAD_WORDS = [
     refused("evaluat", "evaluat", "did you mean evaluate"),
-    refused("destroy", "destroy", "evaluate, figure, claims"),
+    refused("destroy", "destroy", "evaluate, optimize, figure, claims"),
     refused("evaluate --radus 5", "--radus", "did you mean --radius"),
     refused("evaluate --fingertip-angel=5", "--fingertip-angel", "did you mean --fingertip-angle"),
     refused("figure 12 --trails 10", "--trails", "did you mean --trials"),
