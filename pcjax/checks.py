@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -51,3 +53,9 @@ def check_count(name: str, value: Any, low: int, high: int) -> None:
         raise ValueError(f"{name} is {value!r}: it has to be a whole number")
     if not low <= value <= high:
         raise ValueError(f"{name} is {value}: it has to lie between {low} and {high}")
+
+
+def did_you_mean(word: str, names: Iterable[str]) -> str:
+    """Asks "did you mean NAME? " for the nearest of the names; empty if none is near."""
+    near = difflib.get_close_matches(word, list(names), 1, cutoff=0.5)
+    return f"did you mean {near[0]}? " if near else ""

@@ -102,6 +102,13 @@ def save_dataset(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     return path
 
 
+def save_text(text: str, path: Path) -> None:
+    """Writes a text file; one of that name is replaced only once the new one is complete."""
+    unfinished = path.with_name(f".{path.name}.unfinished")
+    unfinished.write_text(text, encoding="utf-8")
+    os.replace(unfinished, path)
+
+
 def engines_text(names: str, dt: Any) -> str:
     """Engines in words, with the steps (s) that those which step took; NaN marks the others."""
     steps = np.unique(np.atleast_1d(dt)[np.isfinite(np.atleast_1d(dt))])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import os
 import tomllib
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pcjax import paper
+from pcjax.checks import did_you_mean
 from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Body, Circle, Stick
 from pcjax.model.contact_law import ContactLaw
@@ -121,10 +121,8 @@ class _Reader:
     def known(self, where: str, table: Mapping[str, Any], names: tuple[str, ...]) -> None:
         for key in table:
             if key not in names:
-                near = difflib.get_close_matches(key, names, 1, cutoff=0.5)
-                hint = f"did you mean {near[0]}? " if near else ""
                 raise ValueError(
-                    f"{self.path}: unknown key {where}{key}: {hint}"
+                    f"{self.path}: unknown key {where}{key}: {did_you_mean(key, names)}"
                     f"there {'are' if len(names) > 1 else 'is'} {', '.join(names)}"
                 )
 

@@ -17,7 +17,6 @@ from pcjax.cli.parts import (
     number,
     save_picture,
     whole,
-    write_text,
 )
 from pcjax.design.baselines import search_cma, search_grid
 from pcjax.design.optimize import Optimum, Settings, optimize
@@ -28,6 +27,7 @@ from pcjax.model.scenario import check_geometry
 from pcjax.quality.gradients import Differences, Estimator, Mixture, Pathwise
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import FORMS, OBJECTIVES, Surrogate, Task
+from pcjax.results import save_text
 
 _ESTIMATORS: dict[str, Estimator] = {
     "factorial": Differences("factorial"),
@@ -176,7 +176,7 @@ def _run(arguments: argparse.Namespace) -> None:
     seconds = time.perf_counter() - began
     if arguments.out:
         best = replace(study, hand=space.hand(found.best))
-        write_text(arguments.out, best.to_toml())
+        save_text(best.to_toml(), arguments.out)
     if arguments.plot:
         save_picture("plot_optimum", (found, space, surrogate), arguments.plot)
     if arguments.json:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from pcjax.checks import did_you_mean
 from pcjax.engines.choice import ENGINES
 
 PICTURES = (".png", ".svg", ".pdf", ".jpg", ".webp")
@@ -29,15 +29,14 @@ class Parser(argparse.ArgumentParser):
     def unknown(self, words: Sequence[str]) -> NoReturn:
         word = words[0]
         flags = [flag for flag in self._option_string_actions if flag.startswith("--")]
-        near = difflib.get_close_matches(word.split("=")[0], flags, 1, cutoff=0.5)
-        hint = f": did you mean {near[0]}?" if near else ""
-        self.error(f"unknown {'flag' if word.startswith('-') else 'argument'} {word}{hint}")
+        hint = did_you_mean(word.split("=")[0], flags)
+        what = "flag" if word.startswith("-") else "argument"
+        self.error(f"unknown {what} {word}" + (f": {hint.rstrip()}" if hint else ""))
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             allowed = [str(choice) for choice in action.choices]
-            near = difflib.get_close_matches(str(value), allowed, 1, cutoff=0.5)
-            hint = f"did you mean {near[0]}? " if near else ""
+            hint = did_you_mean(str(value), allowed)
             name = "/".join(action.option_strings) or action.metavar or action.dest
             self.error(f"{name} is {value!r}: {hint}it has to be one of {', '.join(allowed)}")
 
@@ -119,13 +118,6 @@ def check_picture(path: Path | None) -> None:
     check_writable(path)
     if path is not None and path.suffix.lower() not in PICTURES:
         raise ValueError(f"cannot draw {path}: its ending has to be one of {', '.join(PICTURES)}")
-
-
-def write_text(path: Path, text: str) -> None:
-    """Writes a file; one of that name is replaced only once the new one is complete."""
-    unfinished = path.with_name(f".{path.name}.unfinished")
-    unfinished.write_text(text, encoding="utf-8")
-    os.replace(unfinished, path)
 
 
 def save_picture(plot: str, data: Any, path: Path) -> None:

@@ -68,11 +68,9 @@ def compare(
     """
     exact = replace(surrogate, form="exact", trials=trials)
     sample = exact.sample([space.hand(design) for design in designs], seed)
-    means, count = sample.means(), int(sample.valid.sum())
-    each, slopes = exact.judge(means)
-    logs = each @ exact.signs
-    deviations = sample.values[..., sample.valid] - means[..., None]
-    influence = np.einsum("d,vdk,vdkn->vn", exact.signs, slopes, deviations)
+    each, influences = exact.appraise(sample)
+    logs, influence = each @ exact.signs, np.einsum("d,dvn->vn", exact.signs, influences)
+    count = influence.shape[1]
     covariance = influence @ influence.T / (count * (count - 1))
     errors = np.sqrt(np.diag(covariance))
     scores = [

@@ -21,7 +21,6 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 from jaxtyping import Float
-from scipy.stats import qmc
 from tqdm import tqdm
 
 from pcjax.checks import check_between, check_count
@@ -30,6 +29,7 @@ from pcjax.design.space import DesignSpace
 from pcjax.quality.gradients import Differences, Estimator, Gradient
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate
+from pcjax.results import save_text
 
 _REST = 0.15
 """How far, in the parameters' scales, a design at rest moves at most from window to window."""
@@ -246,6 +246,8 @@ def starting_designs(space: DesignSpace, count: int, seed: int) -> list[Design]:
     first = space.nearest_allowed(space.design_of(space.base))
     if count == 1:
         return [first]
+    from scipy.stats import qmc  # takes more than a second to import
+
     draws = qmc.Sobol(len(space.free), rng=seed).random_base2((count - 1).bit_length())
     spread = space.low + draws[: count - 1] * (space.high - space.low)
     return [first, *(space.nearest_allowed(design, first) for design in spread)]
@@ -401,10 +403,7 @@ def _fingerprint(
 
 
 def _keep(path: Path, told: str, state: Progress) -> None:
-    """Writes the checkpoint; the old one stays until the new one is complete."""
-    unfinished = path.with_name(f".{path.name}.unfinished")
-    unfinished.write_text(json.dumps({"of": told, "state": asdict(state)}, indent=1) + "\n")
-    os.replace(unfinished, path)
+    save_text(json.dumps({"of": told, "state": asdict(state)}, indent=1) + "\n", path)
 
 
 def _load(path: Path, told: str) -> Progress:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -12,7 +11,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from pcjax.checks import check_between, check_finite
+from pcjax.checks import check_between, check_finite, did_you_mean
 from pcjax.model.hand import HandDesign
 from pcjax.planar import Flag, Scalar
 
@@ -24,7 +23,6 @@ class _Kind:
     """What a kind of parameter is to a finger: how to read it, and how to give it a value."""
 
     unit: str
-    text: str
     read: Callable[[HandDesign, int, int], Scalar]
     write: Callable[[HandDesign, Rows, Rows, int, int, Scalar], None]
 
@@ -72,11 +70,11 @@ def _write_gap_width(
 
 
 _KINDS = {
-    "fingertip_angle": _Kind("deg", "theta_g (21)", _read_tip_angle, _write_tip_angle),
-    "fingertip_length": _Kind("", "L_g (19)", _read_length, _write_length),
-    "gap_width": _Kind("", "W_g (20)", _read_gap_width, _write_gap_width),
-    "joint_angle": _Kind("deg", "theta_ij", _read_angle, _write_angle),
-    "link_length": _Kind("", "L_ij", _read_length, _write_length),
+    "fingertip_angle": _Kind("deg", _read_tip_angle, _write_tip_angle),
+    "fingertip_length": _Kind("", _read_length, _write_length),
+    "gap_width": _Kind("", _read_gap_width, _write_gap_width),
+    "joint_angle": _Kind("deg", _read_angle, _write_angle),
+    "link_length": _Kind("", _read_length, _write_length),
 }
 
 HELP = (
@@ -138,8 +136,7 @@ def parameter(
     match = re.fullmatch(r"([a-z_]+?)(?:_([12]?)(\d))?", name)
     kind = match.group(1) if match else name
     if match is None or kind not in _KINDS:
-        near = difflib.get_close_matches(kind, _KINDS, 1, cutoff=0.5)
-        hint = f"did you mean {near[0]}? " if near else ""
+        hint = did_you_mean(kind, _KINDS)
         raise ValueError(f"there is no parameter {name}: {hint}there are {HELP}")
     limbs = min(len(lengths) for lengths in hand.lengths)
     fingers, joint = (0, 1), -1

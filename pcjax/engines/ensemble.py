@@ -279,9 +279,6 @@ class _Ledger:
         out_of_time = (lanes.status == RUNNING) & all_over
         lanes.status[ran & (late | out_of_time)] = LIMIT
         ended = np.flatnonzero(ran & (lanes.status != RUNNING))
-        first = np.where(lanes.period == 0, lanes.mark, lanes.first)
-        progress = np.stack([lanes.mark, first, lanes.held], axis=-1)
-        final = np.stack([lanes.x, lanes.y, lanes.vx, lanes.vy], axis=-1)
         where_to = lanes.condition[ended], lanes.trial[ended]
         with self._lock:
             self._outcomes.status[where_to] = lanes.status[ended]
@@ -289,8 +286,11 @@ class _Ledger:
             if self._outcomes.watch is not None:
                 self._outcomes.watch[where_to] = lanes.more[ended, 2:]
             if self._outcomes.progress is not None:
+                first = np.where(lanes.period == 0, lanes.mark, lanes.first)
+                progress = np.stack([lanes.mark, first, lanes.held], axis=-1)
                 self._outcomes.progress[where_to] = progress[ended]
             if self._outcomes.final is not None:
+                final = np.stack([lanes.x, lanes.y, lanes.vx, lanes.vy], axis=-1)
                 self._outcomes.final[where_to] = final[ended]
             self.on_end(len(ended))
 
@@ -378,7 +378,6 @@ def roll(
     seed: jax.Array,
     periods: int,
     lanes: Lanes,
-    cloud: Cloud | None = None,
 ) -> Lanes:
     """Runs lanes to their ends, or through that many periods, within one compiled program.
 
@@ -391,7 +390,6 @@ def roll(
         seed: trial i depends on (seed, i) alone.
         periods: of the drive.
         lanes: from `Lanes.fresh`.
-        cloud: see `run`.
     """
 
     def going(lanes: Lanes) -> jax.Array:
@@ -404,7 +402,7 @@ def roll(
             stacked=stacked,
             seed=seed,
             last_period=jnp.asarray(periods - 1, jnp.int32),
-            cloud=cloud,
+            cloud=None,
             lanes=lanes,
         )
 

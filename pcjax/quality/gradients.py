@@ -35,7 +35,6 @@ from pcjax.quality.surrogate import Surrogate
 
 DIRECTIONS = ("axial", "factorial", "gaussian")
 
-
 _OTHER = 0x5BD1E995
 """Tells the seeds of a mixture's two estimators apart."""
 
@@ -149,13 +148,9 @@ class Differences:
         ]
         each = 1 + 2 * len(moves)
         sample = surrogate.sample(hands, seed, hands[::each])
-        count = int(sample.valid.sum())
-        if count < 2:
+        if sample.valid.sum() < 2:
             raise ValueError("fewer than two trials went right at every design: try a smaller dt")
-        means = sample.means()
-        values, slopes = surrogate.judge(means)
-        deviations = sample.values[..., sample.valid] - means[..., None]
-        influences = np.einsum("vdk,vdkn->dvn", slopes, deviations)
+        values, influences = surrogate.appraise(sample)
         seconds = time.perf_counter() - began
         gradients = []
         for k, moves in enumerate(all_moves):

@@ -355,6 +355,15 @@ class Surrogate:
             value, slope = _judge(jnp.asarray(means, float), *self._static())
             return np.asarray(value), np.asarray(slope)
 
+    def appraise(
+        self, sample: Sample
+    ) -> tuple[Float[np.ndarray, "hands directions"], Float[np.ndarray, "directions hands n"]]:
+        """`judge` of a sample's means, and what each valid trial adds to those logarithms."""
+        means = sample.means()
+        logs, slopes = self.judge(means)
+        deviations = sample.values[..., sample.valid] - means[..., None]
+        return logs, np.einsum("vdk,vdkn->dvn", slopes, deviations)
+
     def _static(self) -> tuple[str, bool, int, float]:
         return self.objective, self.form == "cloud", self.periods, self.task.drive.period
 
