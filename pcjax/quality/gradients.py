@@ -373,10 +373,11 @@ class Mixture:
         """The gradients at some designs; the values are the first one's."""
         ones = self.first(surrogate, space, designs, seed)
         twos = self.second(replace(surrogate, **dict(self.changes)), space, designs, seed ^ _OTHER)
-        return [_mix(one, two) for one, two in zip(ones, twos, strict=True)]
+        return [mixed(one, two) for one, two in zip(ones, twos, strict=True)]
 
 
-def _mix(one: Gradient, two: Gradient) -> Gradient:
+def mixed(one: Gradient, two: Gradient) -> Gradient:
+    """Two independent estimates as one, each component weighted by the inverse of its variance."""
     share = two.se**2 / (one.se**2 + two.se**2)
     rest = 1 - share
     return Gradient(
