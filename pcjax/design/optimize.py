@@ -284,7 +284,7 @@ def _iterate(
         trials += exact.trials * len(at) * len(surrogate.task.directions)
         invalid += exact.invalid
     invalid += max(gradient.invalid for gradient in found)  # of a batch that shares its trials
-    reach = max(float(_rate(settings)(k)), 0.01)
+    reach = max(float(np.asarray(_rate(settings)(k))), 0.01)
     history = [list(steps) for steps in state.history]
     designs, numbers, stopped = list(state.designs), list(state.state), list(state.stopped)
     for place, (n, design, gradient) in enumerate(zip(going, at, found, strict=True)):
