@@ -15,6 +15,8 @@ from pcjax.quality.gradients import Differences, Mixture, Pathwise, differentiab
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate, Task
 from pcjax.results import Evaluation
+from pcjax.study import Run, Study, Sweep, load_study
+from pcjax.sweep import run_sweep
 
 __all__ = [
     "Circle",
@@ -28,11 +30,14 @@ __all__ = [
     "Optimum",
     "Pathwise",
     "PlanarArm",
+    "Run",
     "Scenario",
     "Settings",
     "State",
     "Stick",
+    "Study",
     "Surrogate",
+    "Sweep",
     "Task",
     "WristTilt",
     "box_hand",
@@ -41,7 +46,9 @@ __all__ = [
     "does",
     "eoen",
     "evaluate",
+    "load_study",
     "optimize",
+    "run_sweep",
     "step",
     "trajectory",
     "two_joint_hand",

@@ -17,6 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
+from jaxtyping import Int32, UInt8
 
 from pcjax.engines.ensemble import LIMIT, STATUS_NAMES, Outcomes
 from pcjax.model.body import Body, Stick
@@ -123,6 +124,30 @@ def _stick_attributes(body: Body) -> dict[str, float]:
     if not isinstance(body, Stick):
         return {}
     return {"orientation": float(body.orientation), "skin": float(body.skin)}
+
+
+def indices_of(
+    steps: Int32[np.ndarray, " trials"], status: UInt8[np.ndarray, " trials"]
+) -> dict[str, Estimate]:
+    """Index 1 and index 2 over the trials that did not go wrong."""
+    valid = status != INVALID
+    if not valid.any():
+        return {"index1": UNDEFINED, "index2": UNDEFINED}
+    return {"index1": index1(steps[valid]), "index2": index2(status[valid] == LIMIT)}
+
+
+def score_of(
+    steps: Int32[np.ndarray, "2 trials"], status: UInt8[np.ndarray, "2 trials"]
+) -> dict[str, Estimate]:
+    """The score (18) by index 1 and by index 2, of DoEs and EoEn on the same trials."""
+    valid = (status != INVALID).all(axis=0)
+    if not valid.any():
+        return {"index1": UNDEFINED, "index2": UNDEFINED}
+    stayed = (status[:, valid] == LIMIT).astype(float)
+    return {
+        "index1": ratio(*steps[:, valid].astype(float)),
+        "index2": ratio(*stayed),
+    }
 
 
 class Evaluation:
@@ -253,10 +278,8 @@ class Evaluation:
 
     def indices(self, direction: str) -> dict[str, Estimate]:
         """Index 1 and index 2 in one direction, over the trials that did not go wrong."""
-        steps, stayed = self._trials(direction, self._valid([direction]))
-        if not len(steps):
-            return {"index1": UNDEFINED, "index2": UNDEFINED}
-        return {"index1": index1(steps), "index2": index2(stayed)}
+        one = self.dataset.sel(direction=direction)
+        return indices_of(one.escape_step.values, one.status.values)
 
     def score(self) -> dict[str, Estimate]:
         """The score (18) by index 1 and by index 2; trial i of both directions shares its draws.
@@ -266,14 +289,8 @@ class Evaluation:
         """
         if len(self.directions) < 2:
             raise ValueError("the score needs both directions: evaluate with direction='both'")
-        valid = self._valid(["does", "eoen"])
-        if not valid.any():
-            return {"index1": UNDEFINED, "index2": UNDEFINED}
-        (steps, stayed), (steps_in, stayed_in) = (self._trials(d, valid) for d in NAMES)
-        return {
-            "index1": ratio(steps.astype(float), steps_in.astype(float)),
-            "index2": ratio(stayed.astype(float), stayed_in.astype(float)),
-        }
+        both = self.dataset.sel(direction=list(NAMES))
+        return score_of(both.escape_step.values, both.status.values)
 
     def difference(self, other: Evaluation, direction: str) -> dict[str, Estimate]:
         """How much higher this hand's index 1 and index 2 are than another one's.

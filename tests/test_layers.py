@@ -17,8 +17,9 @@ PACKAGE = Path(pcjax.__file__).parent
 
 LAYERS = (
     ("__init__", "__main__", "cli", "compilation_cache"),
-    ("claims", "viz"),
-    ("figures", "design", "study"),
+    ("claims", "viz", "sweep"),
+    ("study",),
+    ("figures", "design"),
     ("evaluate",),
     ("results", "paper"),
     ("quality",),

@@ -1,4 +1,4 @@
-"""The command line: evaluate a hand, optimise one, redo a figure, check the paper's claims."""
+"""The command line: evaluate, optimise and sweep hands, redo figures, check the paper's claims."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ from pcjax.cli.evaluate import add_evaluate
 from pcjax.cli.figure import add_figure
 from pcjax.cli.optimize import add_optimize
 from pcjax.cli.parts import HelpFormatter, NegativeNumber, Parser, fail
+from pcjax.cli.results import add_plot, add_show
+from pcjax.cli.study import add_study
+from pcjax.cli.sweep import add_sweep
 from pcjax.compilation_cache import use_compilation_cache
 from pcjax.results import package_version
 
@@ -41,6 +44,10 @@ def _parse(argv: list[str]) -> argparse.Namespace:
     each = {
         "evaluate": (add_evaluate, "evaluate one hand: DoEs, EoEn and the score"),
         "optimize": (add_optimize, "look for a better hand"),
+        "study": (add_study, "check a study file, or print an example"),
+        "sweep": (add_sweep, "evaluate every condition of a study's sweep"),
+        "show": (add_show, "print kept results"),
+        "plot": (add_plot, "draw kept results"),
         "figure": (add_figure, "redo one of the paper's figures"),
         "claims": (add_claims, "check the paper's claims"),
     }

@@ -13,10 +13,13 @@ from pcjax.cli.parts import (
     run_settings,
 )
 from pcjax.figures import run_figure
+from pcjax.study import Run
+
+_TRIALS = 1000
 
 
 def add_claims(parser: argparse.ArgumentParser) -> None:
-    add_run(parser, trials=1000)
+    add_run(parser, _TRIALS)
     parser.add_argument(
         "--results",
         type=Path,
@@ -31,7 +34,7 @@ def _run(arguments: argparse.Namespace) -> None:
     figures = {}
     for name in FIGURES_NEEDED:
         if arguments.results is None:
-            figures[name] = run_figure(name, **run_settings(arguments))
+            figures[name] = run_figure(name, **run_settings(arguments, Run(trials=_TRIALS)))
         else:
             figures[name] = _load_figure(arguments.results / f"fig{name}.nc", name)
     for claim in judge_claims(figures):

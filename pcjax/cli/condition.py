@@ -39,7 +39,8 @@ def add_condition(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         default=None,
         metavar="FILE",
-        help="a study file (TOML) with hand, body, drive and contact, in place of flags for them",
+        help="a study file (TOML) in place of flags for the hand, its object and its drive; "
+        "'pcjax study --example' prints one",
     )
     add(
         "--scenario",

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 
-from pcjax import paper
 from pcjax.cli.condition import add_condition, condition
 from pcjax.cli.parts import add_run, check_picture, check_writable, run_settings, save_picture
 from pcjax.evaluate import evaluate
@@ -22,7 +22,7 @@ def add_evaluate(parser: argparse.ArgumentParser) -> None:
         default=None,
         help="what to evaluate (default: both on the wrist, does on the arm)",
     )
-    add_run(parser, trials=paper.TRIALS)
+    add_run(parser)
     add("--json", action="store_true", help="print one JSON object on stdout, nothing else")
     add("--plot", type=Path, default=None, metavar="FILE", help="draw hand and survival curves")
     add("--out", type=Path, default=None, metavar="FILE", help="keep everything as netCDF")
@@ -33,13 +33,16 @@ def _run(arguments: argparse.Namespace) -> None:
     check_picture(arguments.plot)
     check_writable(arguments.out)
     study = condition(arguments)
+    if study.sweep is not None:
+        print("pcjax: the study's [sweep] is left out: 'pcjax sweep' runs it", file=sys.stderr)
     result = evaluate(
         study.hand,
         study.body,
-        direction=arguments.direction,
+        direction=arguments.direction or study.run.direction,
         drive=study.drive,
         law=study.law,
-        **run_settings(arguments),
+        start_spread=study.run.start_spread,
+        **run_settings(arguments, study.run),
     )
     if arguments.out:
         result.save(arguments.out)

@@ -18,6 +18,7 @@ from pcjax.cli.parts import (
 )
 from pcjax.figures import curve, run_figure, score_curve
 from pcjax.results import NAMES, save_dataset
+from pcjax.study import Run
 
 
 def add_figure(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +29,7 @@ def add_figure(parser: argparse.ArgumentParser) -> None:
         metavar="figure",
         help=f"one of {', '.join(paper.FIGURE_NAMES)}",
     )
-    add_run(parser, trials=paper.TRIALS)
+    add_run(parser)
     add(
         "--plot",
         type=Path,
@@ -44,7 +45,7 @@ def _run(arguments: argparse.Namespace) -> None:
     picture = arguments.plot or Path(f"fig{arguments.figure}.png")
     check_picture(picture)
     check_writable(arguments.out)
-    data = run_figure(arguments.figure, **run_settings(arguments))
+    data = run_figure(arguments.figure, **run_settings(arguments, Run()))
     if arguments.out:
         save_dataset(data, arguments.out)
     save_picture("plot_figure", data, picture)

@@ -22,7 +22,6 @@ from pcjax.cli.parts import (
 from pcjax.design.baselines import search_cma, search_grid
 from pcjax.design.optimize import Optimum, Settings, optimize
 from pcjax.design.space import HELP, DesignSpace, design_space
-from pcjax.evaluate import default_max_steps
 from pcjax.model.drive import WristTilt
 from pcjax.model.scenario import check_geometry
 from pcjax.quality.gradients import Differences, Estimator, Mixture, Pathwise
@@ -144,14 +143,15 @@ def _run(arguments: argparse.Namespace) -> None:
     space = design_space(
         study.hand, dict(free), float(study.body.width), arguments.clearance, arguments.limit
     )
+    if study.directions == ("eoen",):
+        raise ValueError("EoEn alone makes no better hand: the study's direction has to be another")
     task = Task(
         study.body,
         study.drive,
-        ("does", "eoen") if study.hand.can_turn_fingertips() else ("does",),
-        default_max_steps(study.body, study.drive)
-        if arguments.max_steps is None
-        else arguments.max_steps,
+        study.directions,
+        study.max_steps if arguments.max_steps is None else arguments.max_steps,
         study.law,
+        study.run.start_spread,
     )
     compliant = arguments.estimator == "pathwise"
     surrogate = Surrogate(
@@ -187,7 +187,7 @@ def _run(arguments: argparse.Namespace) -> None:
         )
     seconds = time.perf_counter() - began
     if arguments.out:
-        best = replace(study, hand=space.hand(found.best))
+        best = replace(study, hand=space.hand(found.best), sweep=None)
         save_text(best.to_toml(), arguments.out)
     if arguments.plot:
         save_picture("plot_optimum", (found, space, surrogate), arguments.plot)

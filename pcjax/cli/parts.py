@@ -9,8 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from pcjax import paper
 from pcjax.checks import did_you_mean
 from pcjax.engines.choice import ENGINES
+from pcjax.study import Run
 
 PICTURES = (".png", ".svg", ".pdf", ".jpg", ".webp")
 
@@ -72,10 +74,15 @@ def whole(text: str) -> int:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
 
 
-def add_run(parser: argparse.ArgumentParser, trials: int, precision: int = 32) -> None:
-    """Flags that all commands which simulate share."""
+def add_run(parser: argparse.ArgumentParser, trials: int = paper.TRIALS) -> None:
+    """Flags that all commands which simulate share; None where they are not given."""
     add = parser.add_argument
-    add("--trials", type=whole, default=trials, help="trials for each condition")
+    add(
+        "--trials",
+        type=whole,
+        default=None,
+        help=f"trials for each condition (default: {trials})",
+    )
     add(
         "--max-steps",
         type=whole,
@@ -83,10 +90,16 @@ def add_run(parser: argparse.ArgumentParser, trials: int, precision: int = 32) -
         help="limit, steps of 0.001 s (default: the paper's: 600,000 on the wrist, 300,000 on the "
         "arm, 180,000 for a stick)",
     )
-    add("--seed", type=whole, default=0, help="trial i depends on (seed, i) alone")
-    add("--engine", choices=ENGINES, default="auto", help="how trials are run")
+    add("--seed", type=whole, default=None, help="trial i depends on (seed, i) alone (default: 0)")
+    add("--engine", choices=ENGINES, default=None, help="how trials are run (default: auto)")
     add_dt(parser)
-    add("--precision", type=whole, choices=(32, 64), default=precision, help="bits of a number")
+    add(
+        "--precision",
+        type=whole,
+        choices=(32, 64),
+        default=None,
+        help="bits of a number (default: 32)",
+    )
 
 
 def add_dt(parser: argparse.ArgumentParser) -> None:
@@ -100,9 +113,14 @@ def add_dt(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run_settings(arguments: argparse.Namespace) -> dict[str, Any]:
-    names = ("trials", "max_steps", "seed", "engine", "dt", "precision")
-    return {name: getattr(arguments, name) for name in names} | {"progress": True}
+RUN_FLAGS = ("trials", "max_steps", "seed", "engine", "dt", "precision")
+
+
+def run_settings(arguments: argparse.Namespace, usual: Run) -> dict[str, Any]:
+    """How to run: the flags given, and the usual for the others."""
+    given = {name: getattr(arguments, name) for name in RUN_FLAGS}
+    settings = {name: getattr(usual, name) if v is None else v for name, v in given.items()}
+    return settings | {"progress": True}
 
 
 def check_writable(path: Path | None) -> None:

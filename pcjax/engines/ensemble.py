@@ -112,6 +112,7 @@ def run(
     scenarios: Sequence[Scenario],
     *,
     trials: int,
+    first: int = 0,
     max_steps: int,
     seed: int = 0,
     engine: Engine,
@@ -122,12 +123,13 @@ def run(
     cloud: Cloud | None = None,
     keep_final: bool = False,
 ) -> Outcomes:
-    """Runs trials 0 ... trials - 1 of every scenario.
+    """Runs trials `first` to `first + trials - 1` of every scenario.
 
     Arguments:
         scenarios: conditions with equal structure (numbers of limbs, kind of drive, period), which
             then share one compiled program; their numbers may differ.
         trials: trials per condition.
+        first: number of the first; 0 with a cloud.
         max_steps: limit in steps of 0.001 s, whatever step the engine takes.
         seed: trial i depends on (seed, i) alone.
         engine: how a trial is run.
@@ -151,6 +153,7 @@ def run(
         final=keep_final,
     )
     check_count("seed", seed, 0, 2**32 - 1)
+    check_count("first", first, 0, 2**31 - 1 - trials)
     if precision not in (32, 64):
         raise ValueError(f"precision is {precision!r}: it has to be 32 or 64 (bits)")
     if len({jax.tree.structure(scenario) for scenario in scenarios}) != 1:
@@ -172,7 +175,7 @@ def run(
         largest = _BLOCK.get(platform, _BLOCK_ON_ACCELERATOR)
         block = min(largest, max(_SMALLEST_BLOCK, 1 << (fair - 1).bit_length()))
     check_count("block", block, 1, 2**24)
-    ledger = _Ledger(scenarios[0].drive.period, engine, outcomes)
+    ledger = _Ledger(scenarios[0].drive.period, engine, outcomes, first)
     advance = functools.partial(
         _advance_for(platform),
         engine=engine,
@@ -220,8 +223,9 @@ def _crew(devices: Sequence[Any], workers: int | None) -> list[Any]:
 class _Ledger:
     """The trials that wait and the results so far, shared by the workers."""
 
-    def __init__(self, period: float, engine: Engine, outcomes: Outcomes) -> None:
+    def __init__(self, period: float, engine: Engine, outcomes: Outcomes, first: int) -> None:
         self._outcomes = outcomes
+        self._first = first
         self.stopped = threading.Event()
         self.on_end: Callable[[int], Any] = lambda count: None
         self._lock = threading.Lock()
@@ -258,7 +262,8 @@ class _Ledger:
             into = free[:count]
             # All conditions of one trial follow each other: they end at different times, so a
             # block keeps a mixture of short and long trials.
-            lanes.trial[into], lanes.condition[into] = np.divmod(fresh, len(self._outcomes.steps))
+            row, lanes.condition[into] = np.divmod(fresh, len(self._outcomes.steps))
+            lanes.trial[into] = self._first + row
             lanes.period[into] = -1
             lanes.time[into] = np.inf
             lanes.status[into] = RUNNING
@@ -279,7 +284,7 @@ class _Ledger:
         out_of_time = (lanes.status == RUNNING) & all_over
         lanes.status[ran & (late | out_of_time)] = LIMIT
         ended = np.flatnonzero(ran & (lanes.status != RUNNING))
-        where_to = lanes.condition[ended], lanes.trial[ended]
+        where_to = lanes.condition[ended], lanes.trial[ended] - self._first
         with self._lock:
             self._outcomes.status[where_to] = lanes.status[ended]
             self._outcomes.steps[where_to] = np.minimum(paper_steps[ended], self._max_steps)

@@ -1,0 +1,70 @@
+"""`pcjax sweep`: every condition of a study, kept as it is done."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from pcjax.cli.parts import RUN_FLAGS, add_run, check_writable, number
+from pcjax.cli.results import table
+from pcjax.study import load_study
+from pcjax.sweep import Plan, run_sweep
+
+
+def add_sweep(parser: argparse.ArgumentParser) -> None:
+    """The command's arguments."""
+    add = parser.add_argument
+    add("study", type=Path, metavar="FILE", help="a study file with [sweep]")
+    add(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="the result (netCDF); the same command again goes on where it was",
+    )
+    add_run(parser)
+    add(
+        "--precision-target",
+        type=_share,
+        default=None,
+        metavar="SHARE",
+        help="stop a condition once half its 95 %% interval is this share of its score: 1%%, say",
+    )
+    add("--keep-trials", action="store_true", help="keep the escape step of every trial")
+    add(
+        "--scheduler",
+        default=None,
+        metavar="ADDRESS",
+        help="of a dask.distributed scheduler that runs the trials; 'local': one of this machine",
+    )
+    parser.set_defaults(run=_run)
+
+
+def _share(text: str) -> float:
+    return number(text[:-1]) / 100 if text.endswith("%") else number(text)
+
+
+def _run(arguments: argparse.Namespace) -> None:
+    check_writable(arguments.out)
+    study = load_study(arguments.study)
+    flags = {name: getattr(arguments, name) for name in (*RUN_FLAGS, "precision_target")}
+    given = {name: value for name, value in flags.items() if value is not None}
+    study = replace(study, run=replace(study.run, **given))
+    plan = Plan(study)
+    print(plan.describe(os.cpu_count() or 1), file=sys.stderr)
+    try:
+        data = run_sweep(
+            study,
+            arguments.out,
+            keep_trials=arguments.keep_trials,
+            scheduler=arguments.scheduler,
+            progress=True,
+            plan=plan,
+        )
+    except KeyboardInterrupt:
+        print("pcjax: interrupted; the same command goes on where it was", file=sys.stderr)
+        sys.exit(130)
+    print(table(data))
