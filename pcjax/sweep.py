@@ -236,7 +236,9 @@ class Parts:
     def read(self, task: Task) -> Outcomes | None:
         """A task's outcomes, if they are here, whole."""
         try:
-            with np.load(self.folder / f"{task.name}.npz") as kept:
+            path = self.folder / f"{task.name}.npz"
+            # Opened here: numpy leaves a file that is cut short open.
+            with path.open("rb") as file, np.load(file) as kept:
                 steps, status, watch = (kept[name] for name in ("steps", "status", "watch"))
         except FileNotFoundError:
             return None

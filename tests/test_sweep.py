@@ -214,7 +214,9 @@ def test_numbers_that_go_together(tmp_path: Path) -> None:
     assert dict(data.gap.sizes) == {"condition": 2, "direction": 2}
     np.testing.assert_array_equal(data.radius.values, [20.0, 25.0])
     np.testing.assert_allclose(
-        data.gap.sel(direction="does"), np.array([180.0, 200.0]) - 200 * np.sin(np.pi / 18)
+        data.gap.sel(direction="does"),
+        np.array([180.0, 200.0]) - 200 * np.sin(np.pi / 18),
+        rtol=1e-6,
     )
     figure = plot_sweep(data, "gap_width")
     assert figure.axes[0].get_xlabel() == "gap width"
