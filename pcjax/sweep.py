@@ -15,6 +15,7 @@ import shutil
 import tempfile
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -309,12 +310,19 @@ def _bench(scheduler: str | None) -> Iterator[Any]:
 
 def _through(client: Any, tasks: Sequence[Task]) -> Iterator[tuple[Task, Outcomes]]:
     """Runs tasks on a cluster; those of a worker that dies are run again by another."""
-    from distributed import as_completed
+    from distributed import KilledWorker, as_completed
 
-    by_key = {task.name: task for task in tasks}
-    futures = [client.submit(_remote, task, key=f"pcjax-{task.name}", pure=False) for task in tasks]
+    by_key = {f"pcjax-{task.name}": task for task in tasks}
+    futures = [client.submit(_remote, task, key=key, pure=False) for key, task in by_key.items()]
     for future in as_completed(futures):
-        yield by_key[future.key.removeprefix("pcjax-")], future.result()
+        try:
+            outcomes = future.result()
+        except (KilledWorker, CancelledError, OSError) as error:
+            raise ValueError(
+                f"the cluster has given up ({str(error).splitlines()[0]}); what was done is kept, "
+                "and the same command goes on from there"
+            ) from None
+        yield by_key[future.key], outcomes
         future.release()
 
 

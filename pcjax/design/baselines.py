@@ -21,6 +21,7 @@ from pcjax.design.optimize import (
     Optimum,
     Progress,
     Settings,
+    Step,
     accept,
     starting_designs,
 )
@@ -129,6 +130,7 @@ def search_cma(
         seed=settings.seed,
     )
     began, trials, invalid = time.perf_counter(), 0, 0
+    history: list[Step] = []
     bar = tqdm(
         total=settings.iterations,
         desc="CMA-ES",
@@ -140,6 +142,7 @@ def search_cma(
     with bar:
         try:
             for generation in range(settings.iterations):
+                middle = list(map(float, search.mean * space.scales))
                 asked = [search.ask() for _ in range(search.population_size)]
                 designs = [space.nearest_allowed(x * space.scales, start) for x in asked]
                 found = compare(
@@ -154,11 +157,13 @@ def search_cma(
                 search.tell(
                     [(d / space.scales, -v) for d, v in zip(designs, found.logs, strict=True)]
                 )
+                value, error = float(np.mean(found.logs)), math.sqrt(np.mean(found.covariance))
+                history.append(Step(middle, value, error, [], []))
                 bar.update()
                 if time.perf_counter() - began > seconds or search.should_stop():
                     break
         except KeyboardInterrupt:
             interrupted = True
     end: Design = space.nearest_allowed(search.mean * space.scales, start)
-    spent = Progress([], [], [], trials, time.perf_counter() - began, invalid)
+    spent = Progress([history], [], [], trials, time.perf_counter() - began, invalid)
     return accept([end], spent, start, surrogate, space, settings, interrupted=interrupted)

@@ -74,14 +74,14 @@ def draw_hands(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrog
 
 
 def draw_history(axis: Axes, found: Optimum, surrogate: Surrogate) -> None:
-    """Relaxed scores with 95 % bands, exact checkpoints, and the final exact comparison."""
+    """Scores that the search saw with 95 % bands, exact checkpoints, and the final comparison."""
     last = 1
     for n, steps in enumerate(found.progress.history):
         colour = COLOURS[0] if len(found.progress.history) == 1 else f"C{n % 10}"
         k = np.arange(len(steps))
         logs = np.array([step.value for step in steps])
         errors = _Z95 * np.array([step.value_se for step in steps])
-        label = "relaxed, fresh trials each" if n == 0 else None
+        label = "seen by the search, fresh trials each" if n == 0 else None
         axis.plot(k, np.exp(logs), "-", color=colour, lw=1.2, label=label)
         axis.fill_between(k, np.exp(logs - errors), np.exp(logs + errors), color=colour, alpha=0.15)
         checks = [(i, s.exact, s.exact_se) for i, s in enumerate(steps) if s.exact is not None]
