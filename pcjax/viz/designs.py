@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle as Disc
 
 from pcjax.design.compare import compare
 from pcjax.design.optimize import Optimum
 from pcjax.design.space import DesignSpace
 from pcjax.model.body import Stick
+from pcjax.model.hand import points_of
 from pcjax.quality.surrogate import Surrogate
-from pcjax.viz.plots import COLOURS
+from pcjax.viz.shapes import COLOURS, draw_object
 
 _Z95 = 1.96
 _MAP = 11
@@ -46,27 +44,18 @@ def draw_hands(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrog
         (found.start, found.start_score, "0.6", "start"),
         (found.best, found.best_score, COLOURS[0], "best"),
     ):
-        hand = space.hand(design)
-        for k, limb in enumerate(jax.device_get(hand.limbs())):
-            label = f"{name}: {score.value:,.4g}" if k == 0 else None
-            axis.plot(
-                [limb.start.x, limb.end.x],
-                [limb.start.y, limb.end.y],
-                color=colour,
-                lw=2.2,
-                solid_capstyle="round",
-                label=label,
-            )
-    scenario = surrogate.task.scenarios(space.hand(found.best))[0]
-    centre = jax.device_get(scenario.start(jnp.array([0.9, 0.0, 0.0])))
-    radius, body = float(scenario.body.radius), scenario.body
-    if isinstance(body, Stick):
-        x, y = (radius * f(float(body.orientation)) for f in (math.cos, math.sin))
         axis.plot(
-            [centre.x - x, centre.x + x], [centre.y - y, centre.y + y], color=COLOURS[1], lw=3
+            *points_of(space.hand(design)).T,
+            color=colour,
+            lw=2.2,
+            solid_capstyle="round",
+            solid_joinstyle="round",
+            label=f"{name}: {score.value:,.4g}",
         )
-    else:
-        axis.add_patch(Disc((centre.x, centre.y), radius, color=COLOURS[1], alpha=0.7))
+    scenario = surrogate.task.scenarios(space.hand(found.best))[0]
+    centre, body = jax.device_get(scenario.corner_start()), scenario.body
+    angle = float(body.orientation) if isinstance(body, Stick) else None
+    draw_object(axis, (centre.x, centre.y), float(body.radius), angle)
     axis.set_aspect("equal")
     axis.margins(0.08)
     axis.set(xlabel="x [model length]", ylabel="y [model length]", title="hand")
