@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -16,6 +17,7 @@ from pcjax.engines.draws import period_draws, start_draws, trial_key
 from pcjax.engines.ensemble import LIMIT, paper_steps, run
 from pcjax.engines.stepping import Stepping, lag_of, trajectory
 from pcjax.model.arm import PlanarArm
+from pcjax.model.hand import points_of
 from pcjax.model.scenario import Drive, Scenario
 from pcjax.physics.step import INVALID, PAPER_DT, PASSED, begin
 
@@ -81,9 +83,24 @@ class Recording:
         """The paper's step (of 0.001 s) in which it ended, as `pcjax.evaluate` counts."""
         return int(paper_steps(self.seconds))
 
+    @functools.cached_property
+    def hand(self) -> Float[np.ndarray, "points 2"]:
+        """The hand as one line (`points_of`)."""
+        return points_of(self.scenario.hand)
+
+    @functools.cached_property
+    def goal(self) -> Float[np.ndarray, "2 2"]:
+        """The ends of the goal line."""
+        line = jax.device_get(self.scenario.hand.goal())
+        return np.array([[end.x, end.y] for end in (line.a, line.b)], float)
+
+    def path(self, times: Float[np.ndarray, " frames"]) -> Float[np.ndarray, "frames 2"]:
+        """Where the object's centre is in the hand frame at some times of the trial."""
+        x, y = (np.interp(times, self.times, self.position[:, k]) for k in (0, 1))
+        return np.stack([x, y], axis=-1)
+
     def at(self, times: Float[np.ndarray, " frames"]) -> Frames:
         """Hand and object at some times, between the trial's start and its end."""
-        x, y = (np.interp(times, self.times, self.position[:, k]) for k in (0, 1))
         angle = None if self.angle is None else np.interp(times, self.times, self.angle)
         drive = self.scenario.drive
         # The end of a period belongs to it, not to the next.
@@ -91,8 +108,7 @@ class Recording:
         joints, turn, pull, tilt = jax.device_get(
             _carriage(drive, self.seed, self.trial, period, times - period * drive.period)
         )
-        position = np.stack([x, y], axis=-1)
-        return Frames(np.asarray(times), position, angle, joints, turn, pull, tilt)
+        return Frames(np.asarray(times), self.path(times), angle, joints, turn, pull, tilt)
 
 
 def record(

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import jax
 import numpy as np
-from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pcjax.engines.recording import Frames, record
-from pcjax.model.hand import points_of
+from pcjax.engines.recording import Frames, Recording, record
 from pcjax.model.scenario import Scenario
 from pcjax.physics.step import PAPER_DT
 from pcjax.viz.shapes import COLOURS, draw_object
@@ -34,11 +31,10 @@ def plot_scenes(
     steps = max(round(max(times) / PAPER_DT), 1)
     recording = record(scenario, seed=seed, trial=trial, max_steps=steps, dt=dt)
     frames = recording.at(np.minimum(np.asarray(times, float), recording.seconds))
-    hand = points_of(scenario.hand)
     figure = Figure(figsize=(3.4 * len(times), 4.6), layout="constrained")
     axes = figure.subplots(1, len(times), sharex=True, sharey=True, squeeze=False)[0]
     for k, (axis, time) in enumerate(zip(axes, times, strict=True)):
-        draw_scene(axis, scenario, hand, frames, k)
+        draw_scene(axis, recording, frames, k)
         _draw_sideways_pull(axis, frames, k, 0.4 * float(scenario.hand.palm_length))
         axis.set_aspect("equal")
         axis.grid(alpha=0.25)
@@ -48,34 +44,29 @@ def plot_scenes(
     return figure
 
 
-def draw_scene(
-    axis: Axes, scenario: Scenario, hand: Float[np.ndarray, "points 2"], frames: Frames, k: int
-) -> None:
+def draw_scene(axis: Axes, recording: Recording, frames: Frames, k: int) -> None:
     """The arm (if one carries the hand), the hand, its goal line and the object, in the world.
 
     Arguments:
-        scenario: the condition.
-        hand: from `points_of`.
-        frames, k: some times, and which of them.
+        recording: the trial.
+        frames, k: some of its times, and which of them.
     """
     joints = frames.joints[k]
     if len(joints) > 1:
         axis.plot(*joints.T, color="0.55", lw=4, solid_capstyle="round", zorder=1)
         axis.plot(*joints[:-1].T, "o", color="0.3", ms=6, zorder=2)
     axis.plot(
-        *frames.in_world(hand, k).T,
+        *frames.in_world(recording.hand, k).T,
         color="black",
         lw=2,
         solid_capstyle="round",
         solid_joinstyle="round",
         zorder=3,
     )
-    goal = jax.device_get(scenario.hand.goal())
-    ends = np.array([[goal.a.x, goal.a.y], [goal.b.x, goal.b.y]], float)
-    axis.plot(*frames.in_world(ends, k).T, color=COLOURS[2], ls="--", lw=1.2, zorder=2)
+    axis.plot(*frames.in_world(recording.goal, k).T, color=COLOURS[2], ls="--", lw=1.2, zorder=2)
     centre = frames.in_world(frames.position[k : k + 1], k)[0]
     angle = None if frames.angle is None else frames.angle[k] + frames.turn[k]
-    draw_object(axis, centre, float(scenario.body.radius), angle)
+    draw_object(axis, centre, float(recording.scenario.body.radius), angle)
 
 
 def _draw_sideways_pull(axis: Axes, frames: Frames, k: int, length: float) -> None:
