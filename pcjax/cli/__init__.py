@@ -1,4 +1,4 @@
-"""The command line: evaluate a hand, optimise one, redo a figure, check the paper's claims."""
+"""The command line: evaluate, optimise, map, film or export a hand; the paper's figures."""
 
 from __future__ import annotations
 
@@ -6,9 +6,12 @@ import argparse
 import sys
 from collections.abc import Sequence
 
+from pcjax.cli.animate import add_animate
 from pcjax.cli.claims import add_claims
 from pcjax.cli.evaluate import add_evaluate
+from pcjax.cli.export import add_export
 from pcjax.cli.figure import add_figure
+from pcjax.cli.map import add_map
 from pcjax.cli.optimize import add_optimize
 from pcjax.cli.parts import HelpFormatter, NegativeNumber, Parser, fail
 from pcjax.compilation_cache import use_compilation_cache
@@ -41,6 +44,9 @@ def _parse(argv: list[str]) -> argparse.Namespace:
     each = {
         "evaluate": (add_evaluate, "evaluate one hand: DoEs, EoEn and the score"),
         "optimize": (add_optimize, "look for a better hand"),
+        "map": (add_map, "map the score over two parameters"),
+        "animate": (add_animate, "film one trial"),
+        "export": (add_export, "draw the hand for CAD"),
         "figure": (add_figure, "redo one of the paper's figures"),
         "claims": (add_claims, "check the paper's claims"),
     }

@@ -8,11 +8,13 @@ from pathlib import Path
 
 from pcjax import paper
 from pcjax.cli.parts import number
+from pcjax.evaluate import default_max_steps
 from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
 from pcjax.model.hand import box_hand, two_joint_hand
+from pcjax.quality.surrogate import Task
 from pcjax.study import Study, load_study
 
 _FLAGS = (
@@ -165,3 +167,37 @@ def condition(arguments: argparse.Namespace) -> Study:
 
 def _given(value: float | None, default: float) -> float:
     return default if value is None else value
+
+
+def parameter_flag(text: str) -> tuple[str, tuple[float, float] | None]:
+    """A parameter's name and, where they are given, its bounds: NAME or NAME=LOW:HIGH."""
+    name, _, bounds = text.partition("=")
+    if not bounds:
+        if "=" in text:
+            raise argparse.ArgumentTypeError(f"{text!r} has no bounds after =")
+        return name, None
+    low, colon, high = bounds.partition(":")
+    if not colon:
+        raise argparse.ArgumentTypeError(f"{text!r} has to be like fingertip-angle=-30:50")
+    return name, (number(low), number(high))
+
+
+def usual_parameters(study: Study) -> tuple[str, str]:
+    """The two parameters of a hand that one looks at first."""
+    if isinstance(study.drive, WristTilt):
+        return "fingertip_angle", "fingertip_length"
+    return "joint_angle_1", "joint_angle_2"
+
+
+def task_of(study: Study, max_steps: int | None) -> Task:
+    """What the study's hand has to be good at: both directions where it has both.
+
+    The limit is the paper's unless given.
+    """
+    return Task(
+        study.body,
+        study.drive,
+        ("does", "eoen") if study.hand.can_turn_fingertips() else ("does",),
+        default_max_steps(study.body, study.drive) if max_steps is None else max_steps,
+        study.law,
+    )

@@ -10,7 +10,13 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from pcjax.cli.condition import add_condition, condition
+from pcjax.cli.condition import (
+    add_condition,
+    condition,
+    parameter_flag,
+    task_of,
+    usual_parameters,
+)
 from pcjax.cli.parts import (
     check_picture,
     check_writable,
@@ -20,13 +26,12 @@ from pcjax.cli.parts import (
 )
 from pcjax.design.baselines import search_cma, search_grid
 from pcjax.design.optimize import Optimum, Settings, optimize
+from pcjax.design.score_map import score_name
 from pcjax.design.space import HELP, DesignSpace, design_space
-from pcjax.evaluate import default_max_steps
-from pcjax.model.drive import WristTilt
 from pcjax.model.scenario import check_geometry
 from pcjax.quality.gradients import Differences, Estimator, Mixture, Pathwise
 from pcjax.quality.indices import Estimate
-from pcjax.quality.surrogate import FORMS, OBJECTIVES, Surrogate, Task
+from pcjax.quality.surrogate import FORMS, OBJECTIVES, Surrogate
 from pcjax.results import save_text
 
 _ESTIMATORS: dict[str, Estimator] = {
@@ -48,7 +53,7 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
     add(
         "--free",
         action="append",
-        type=_free,
+        type=parameter_flag,
         default=None,
         metavar="NAME[=LOW:HIGH]",
         help="a parameter that may change, with bounds in degrees or model lengths; again for "
@@ -106,42 +111,18 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=_run)
 
 
-def _free(text: str) -> tuple[str, tuple[float, float] | None]:
-    name, _, bounds = text.partition("=")
-    if not bounds:
-        if "=" in text:
-            raise argparse.ArgumentTypeError(f"{text!r} has no bounds after =")
-        return name, None
-    low, colon, high = bounds.partition(":")
-    if not colon:
-        raise argparse.ArgumentTypeError(f"{text!r} has to be like fingertip-angle=-30:50")
-    return name, (number(low), number(high))
-
-
 def _run(arguments: argparse.Namespace) -> None:
     check_picture(arguments.plot)
     check_writable(arguments.out)
     check_writable(arguments.checkpoint)
     study = condition(arguments)
-    free = arguments.free
-    if free is None:
-        wrist = isinstance(study.drive, WristTilt)
-        names = ("fingertip_angle", "fingertip_length")
-        free = [(n, None) for n in (names if wrist else ("joint_angle_1", "joint_angle_2"))]
+    free = arguments.free or [(name, None) for name in usual_parameters(study)]
     names = [name for name, _ in free]
     for name in names:
         if names.count(name) > 1:
             raise ValueError(f"--free {name} is there twice")
     space = design_space(study.hand, dict(free), float(study.body.width), arguments.clearance)
-    task = Task(
-        study.body,
-        study.drive,
-        ("does", "eoen") if study.hand.can_turn_fingertips() else ("does",),
-        default_max_steps(study.body, study.drive)
-        if arguments.max_steps is None
-        else arguments.max_steps,
-        study.law,
-    )
+    task = task_of(study, arguments.max_steps)
     compliant = arguments.estimator == "pathwise"
     surrogate = Surrogate(
         task,
@@ -203,14 +184,14 @@ def as_json(found: Optimum, space: DesignSpace, seconds: float) -> dict[str, Any
 
 def as_text(found: Optimum, space: DesignSpace, surrogate: Surrogate, seconds: float) -> str:
     """The result as a table and a verdict."""
-    what = "score DoEs / EoEn" if len(surrogate.task.directions) == 2 else "DoEs"
+    what = ("score " if len(surrogate.task.directions) == 2 else "") + score_name(surrogate)
     lines = [f"{'':20}{'start':>12}{'best':>12}"]
     for p, a, b in zip(space.free, found.start, found.best, strict=True):
         unit = f" [{p.unit}]" if p.unit else ""
         lines.append(f"{p.name + unit:20}{a:>12.4g}{b:>12.4g}")
     for title, score in (("start", found.start_score), ("best", found.best_score)):
         lines.append(
-            f"{what} by {surrogate.objective}, {title}: {score.value:,.4f} ± {score.se:.4f} "
+            f"{what}, {title}: {score.value:,.4f} ± {score.se:.4f} "
             f"[{score.low:,.4f}, {score.high:,.4f}]"
         )
     gain = found.improvement

@@ -76,6 +76,15 @@ def add_run(parser: argparse.ArgumentParser, trials: int, precision: int = 32) -
     """Flags that all commands which simulate share."""
     add = parser.add_argument
     add("--trials", type=whole, default=trials, help="trials for each condition")
+    add_experiment(parser)
+    add("--engine", choices=ENGINES, default="auto", help="how trials are run")
+    add_dt(parser, "the engine's choice; the paper's is 0.001")
+    add("--precision", type=whole, choices=(32, 64), default=precision, help="bits of a number")
+
+
+def add_experiment(parser: argparse.ArgumentParser) -> None:
+    """Flags that say which experiments trials are."""
+    add = parser.add_argument
     add(
         "--max-steps",
         type=whole,
@@ -84,15 +93,17 @@ def add_run(parser: argparse.ArgumentParser, trials: int, precision: int = 32) -
         "arm, 180,000 for a stick)",
     )
     add("--seed", type=whole, default=0, help="trial i depends on (seed, i) alone")
-    add("--engine", choices=ENGINES, default="auto", help="how trials are run")
-    add(
+
+
+def add_dt(parser: argparse.ArgumentParser, default: str) -> None:
+    """The solver's step, and what it is unless given."""
+    parser.add_argument(
         "--dt",
         type=number,
         default=None,
         metavar="SECONDS",
-        help="the solver's step (default: the engine's choice; the paper's is 0.001)",
+        help=f"the solver's step (default: {default})",
     )
-    add("--precision", type=whole, choices=(32, 64), default=precision, help="bits of a number")
 
 
 def run_settings(arguments: argparse.Namespace) -> dict[str, Any]:

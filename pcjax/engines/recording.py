@@ -25,6 +25,9 @@ PICKS = ("escaped", "stuck", "longest")
 """Trials worth a look: the first that escaped, the first still inside at the limit, or of those
 that escaped the last to do so."""
 
+PICKED_FROM = 200
+"""Trials that one is picked from."""
+
 
 @dataclass(frozen=True)
 class Frames:
@@ -65,6 +68,7 @@ class Recording:
         seed, trial: which experiment.
         status: PASSED, LIMIT or INVALID.
         seconds: when it ended.
+        dt: the step taken, s.
         times: of the states kept, s.
         position, angle: of the object then, as in `Frames`; the angle without jumps.
     """
@@ -74,6 +78,7 @@ class Recording:
     trial: int
     status: int
     seconds: float
+    dt: float
     times: Float[np.ndarray, " states"]
     position: Float[np.ndarray, "states 2"]
     angle: Float[np.ndarray, " states"] | None
@@ -129,16 +134,16 @@ def record(
     check_count("trial", trial, 0, 2**31 - 1)
     check_count("max_steps", max_steps, 1, 2**31 - 1)
     period, limit = scenario.drive.period, max_steps * PAPER_DT
-    engine = Stepping(dt)
-    first, path, lags = jax.device_get(
-        _run(scenario, np.uint32(seed), trial, math.ceil(limit / period - 1e-9), engine.dt)
+    step = Stepping(dt).step_taken(period)
+    first, path, lag = jax.device_get(
+        _run(scenario, np.uint32(seed), trial, math.ceil(limit / period - 1e-9), dt)
     )
     count = int(path.steps[-1])
     status = int(path.status[-1])
-    ended = count * engine.step_taken(period) - float(lags)
+    ended = count * step - float(lag)
     if status not in (PASSED, INVALID) or paper_steps(ended) > max_steps:
         status, ended = LIMIT, limit
-    times = np.arange(count + 1) * engine.step_taken(period)
+    times = np.arange(count + 1) * step
 
     def both(start: Any, later: Any) -> np.ndarray:
         return np.append(start, later[:count]).astype(float)
@@ -147,7 +152,7 @@ def record(
         [both(first.position.x, path.position.x), both(first.position.y, path.position.y)], axis=-1
     )
     angle = None if first.angle is None else np.unwrap(both(first.angle, path.angle))
-    return Recording(scenario, seed, trial, status, ended, times, position, angle)
+    return Recording(scenario, seed, trial, status, ended, step, times, position, angle)
 
 
 @jax.jit(static_argnames=("periods", "dt"))
@@ -189,7 +194,7 @@ def pick_trial(
     seed: int,
     max_steps: int,
     dt: float = PAPER_DT,
-    trials: int = 200,
+    trials: int = PICKED_FROM,
     progress: bool = False,
 ) -> int:
     """A trial worth a look.

@@ -1,0 +1,157 @@
+"""`pcjax map`: the score over two parameters of a hand."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from pcjax.cli.condition import (
+    add_condition,
+    condition,
+    parameter_flag,
+    task_of,
+    usual_parameters,
+)
+from pcjax.cli.parts import add_experiment, check_picture, check_writable, save_picture, whole
+from pcjax.design.score_map import score_map, score_name
+from pcjax.design.space import HELP, DesignSpace, design_space
+from pcjax.quality.surrogate import OBJECTIVES, Surrogate
+from pcjax.results import save_dataset, save_text
+
+_DATA = (".nc", ".csv")
+
+
+def add_map(parser: argparse.ArgumentParser) -> None:
+    """The command's arguments."""
+    add_condition(parser)
+    add = parser.add_argument
+    for side, which, more in (("x", 0, f": {HELP}"), ("y", 1, "; as for --x")):
+        wrist, arm = (("fingertip-angle", "joint-angle-1"), ("fingertip-length", "joint-angle-2"))[
+            which
+        ]
+        add(
+            f"--{side}",
+            type=parameter_flag,
+            default=None,
+            metavar="NAME[=LOW:HIGH]",
+            help=f"the parameter along {side}, with bounds in degrees or model lengths{more} "
+            f"(default: {wrist}, on the arm {arm})",
+        )
+    add(
+        "--points",
+        type=whole,
+        nargs=2,
+        default=(11, 11),
+        metavar=("NX", "NY"),
+        help="hands along each side",
+    )
+    add("--trials", type=whole, default=400, help="trials of each hand and direction")
+    add(
+        "--objective",
+        choices=OBJECTIVES,
+        default="index1",
+        help="what the score is made of; escape_rate has no step limit in it",
+    )
+    add_experiment(parser)
+    add("--json", action="store_true", help="print one JSON object on stdout, nothing else")
+    add("--out", type=Path, default=Path("map.png"), metavar="FILE", help="the picture")
+    add("--data", type=Path, default=None, metavar="FILE", help="keep the data: .nc or .csv")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> None:
+    check_picture(arguments.out)
+    check_writable(arguments.data)
+    if arguments.data and arguments.data.suffix.lower() not in _DATA:
+        raise ValueError(
+            f"cannot keep {arguments.data}: its ending has to be one of {', '.join(_DATA)}"
+        )
+    study = condition(arguments)
+    sides = [
+        given or (name, None)
+        for given, name in zip((arguments.x, arguments.y), usual_parameters(study), strict=True)
+    ]
+    if len(dict(sides)) < 2:
+        raise ValueError(f"--x and --y are both {sides[0][0]}: they have to differ")
+    space = design_space(study.hand, dict(sides), float(study.body.width), 0.0)
+    task = task_of(study, arguments.max_steps)
+    surrogate = Surrogate(
+        task, objective=arguments.objective, form="exact", trials=arguments.trials
+    )
+    hands = math.prod(arguments.points)
+    print(
+        f"at most {hands:,} hands with {surrogate.trials:,} trials in "
+        f"{' and '.join(task.directions)}: {hands * len(task.directions) * surrogate.trials:,} "
+        "trials",
+        file=sys.stderr,
+    )
+    data = score_map(surrogate, space, arguments.points, seed=arguments.seed, progress=True)
+    if arguments.data:
+        if arguments.data.suffix.lower() == ".csv":
+            save_text(data.to_dataframe().to_csv(), arguments.data)
+        else:
+            save_dataset(data, arguments.data)
+    save_picture("plot_map", (data, space, surrogate), arguments.out)
+    if arguments.json:
+        print(json.dumps(as_json(data, space)))
+    else:
+        print(as_text(data, space, surrogate))
+        print(f"{data.attrs['wall_seconds']:.1f} s; picture: {arguments.out}")
+
+
+def as_json(data: xr.Dataset, space: DesignSpace) -> dict[str, Any]:
+    """The map as one JSON object; what has no score is null."""
+
+    def plain(values: Any) -> Any:
+        if isinstance(values, list):
+            return [plain(value) for value in values]
+        return values if math.isfinite(values) else None
+
+    x, y = space.free
+    best, current = _best(data), space.design_of(space.base)
+    attrs = data.attrs
+    return {
+        **{
+            side: {"parameter": p.label, "values": data[p.label].values.tolist()}
+            for side, p in (("x", x), ("y", y))
+        },
+        **{name: plain(data[name].values.tolist()) for name in ("score", "se", "gap")},
+        **{name: data[name].values.tolist() for name in ("full_cage", "possible")},
+        "best": {
+            "parameters": {p.label: float(best[p.label]) for p in space.free},
+            "score": {"value": float(best.score), "se": float(best.se)},
+        },
+        "current": {
+            "parameters": space.named(current),
+            "score": {"value": plain(attrs["current_score"]), "se": plain(attrs["current_se"])},
+        },
+        "hands": attrs["hands"],
+        "trials": attrs["trials"],
+        "seed": attrs["seed"],
+        "wall_seconds": attrs["wall_seconds"],
+    }
+
+
+def as_text(data: xr.Dataset, space: DesignSpace, surrogate: Surrogate) -> str:
+    """The best hand and the current one."""
+    best, attrs = _best(data), data.attrs
+    lines = [f"{score_name(surrogate)}, of {attrs['hands']:,} hands:"]
+    at = np.array([float(best[p.label]) for p in space.free])
+    for name, design, value, se in (
+        ("best", at, float(best.score), float(best.se)),
+        ("current", space.design_of(space.base), attrs["current_score"], attrs["current_se"]),
+    ):
+        score = f"{value:,.4f} ± {se:.4f}" if math.isfinite(value) else "no score"
+        lines.append(f"{name:8} {score}  at {space.describe(design)}")
+    return "\n".join(lines)
+
+
+def _best(data: xr.Dataset) -> xr.Dataset:
+    return data.isel(data.score.argmax(list(data.score.dims)))  # pyright: ignore

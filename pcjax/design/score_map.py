@@ -1,0 +1,129 @@
+"""The exact score of the hands that two parameters make, as labelled data."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, Bool, Float
+
+from pcjax.checks import check_count
+from pcjax.design.baselines import grid_lines
+from pcjax.design.compare import score_all
+from pcjax.design.space import DesignSpace
+from pcjax.model.hand import full_cage
+from pcjax.quality.surrogate import Surrogate
+from pcjax.results import provenance
+
+
+def shapes(
+    surrogate: Surrogate, space: DesignSpace, designs: Float[np.ndarray, "*shape parameters"]
+) -> tuple[Float[np.ndarray, "*shape"], Bool[np.ndarray, "*shape"]]:
+    """The gaps of many hands, and which of them can be: lengths above 0, no limbs that cross in
+    any of the task's directions, and room for the object at its starts."""
+    least = -1e-9 * float(space.base.palm_length)
+
+    def one(design: Array) -> tuple[Array, Array]:
+        hand = space.hand(design)
+        there = jnp.all(jnp.array([length > 0 for row in hand.lengths for length in row]))
+        for scenario in surrogate.task.scenarios(hand):
+            crossed = jnp.any(jnp.array(list(scenario.hand.crossings().values())))
+            there = there & jnp.logical_not(crossed) & (scenario.start_clearance() >= least)
+        return jnp.asarray(hand.gap()), there
+
+    flat = designs.reshape(-1, len(space.free))
+    with jax.enable_x64(True):
+        gaps, there = jax.device_get(jax.jit(jax.vmap(one))(jnp.asarray(flat, float)))
+    return gaps.reshape(designs.shape[:-1]), there.reshape(designs.shape[:-1])
+
+
+def score_map(
+    surrogate: Surrogate,
+    space: DesignSpace,
+    points: Sequence[int] | None = None,
+    *,
+    seed: int = 0,
+    progress: bool = False,
+) -> xr.Dataset:
+    """The exact score over two parameters of a hand, all hands on the same trials.
+
+    Arguments:
+        surrogate: whose task, objective and trials count; nothing is relaxed.
+        space: with two free parameters; its clearance does not count.
+        points: hands along each parameter, from its lower to its upper bound; 11 each unless given.
+        seed: of the trials.
+        progress: whether to show a bar on stderr.
+
+    Returns:
+        A dataset along the two parameters' labels, the second first, with the `score` and its
+        standard error `se` (NaN where there is none), the hand's `gap`, and whether it is a
+        `full_cage` or not `possible` at all. Attributes `current_...` are the base hand's.
+
+    Raises:
+        ValueError: not two parameters, a number out of range, or no hand that has a score.
+    """
+    if len(space.free) != 2:
+        raise ValueError(f"a map needs two free parameters, and there are {len(space.free)}")
+    lines = grid_lines(space, points)
+    for p, line in zip(space.free, lines, strict=True):
+        check_count(f"grid points of {p.name}", len(line), 2, 1000)
+    began = time.perf_counter()
+    x, y = space.free
+    designs = np.stack(np.meshgrid(*lines), axis=-1)
+    current = space.design_of(space.base)
+    every = np.concatenate([designs.reshape(-1, 2), current[None]])
+    gaps, possible = shapes(surrogate, space, every)
+    caged = full_cage(gaps, space.width)
+    scored = np.flatnonzero(possible & ~caged)
+    if not np.any(scored < len(every) - 1):
+        raise ValueError(
+            "no hand on the map has a score: everywhere the gap is narrower than the object, limbs "
+            "cross, or the object does not fit; take other bounds or more points"
+        )
+    found = score_all(surrogate, space, list(every[scored]), seed=seed, progress=progress)
+    values, errors = np.full((2, len(every)), np.nan)
+    values[scored] = [score.value for score in found]
+    errors[scored] = [score.se for score in found]
+    sides = {y.label: lines[1], x.label: lines[0]}
+    length = {"units": "model length"}
+    each = {
+        "score": (values, {"long_name": score_name(surrogate)}),
+        "se": (errors, {"long_name": "standard error of the score"}),
+        "gap": (gaps, length | {"long_name": "narrowest passage out of the hand"}),
+        "full_cage": (caged, {"long_name": "whether the gap is narrower than the object"}),
+        "possible": (
+            possible,
+            {"long_name": "whether no limbs cross and the object fits at its starts"},
+        ),
+    }
+    shape = designs.shape[:-1]
+    return xr.Dataset(
+        {name: (tuple(sides), v[:-1].reshape(shape), attrs) for name, (v, attrs) in each.items()},
+        coords=sides,
+        attrs=provenance(
+            {
+                "trials": surrogate.trials,
+                "max_steps": surrogate.task.max_steps,
+                "seed": seed,
+                "objective": surrogate.objective,
+                "directions": list(surrogate.task.directions),
+                "object_width": space.width,
+                **{f"current_{name}": v for name, v in space.named(current).items()},
+                "current_score": values[-1],
+                "current_se": errors[-1],
+                "current_gap": gaps[-1],
+                "hands": len(scored),
+                "wall_seconds": time.perf_counter() - began,
+            }
+        ),
+    )
+
+
+def score_name(surrogate: Surrogate) -> str:
+    """What a surrogate's exact score is called."""
+    what = "DoEs / EoEn" if len(surrogate.task.directions) == 2 else "DoEs"
+    return f"{what} by {surrogate.objective}"
