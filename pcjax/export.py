@@ -73,6 +73,8 @@ def export_hand(
         thickness: of the limbs' outlines, a length; unless given, there are none.
         body: the object; unless given, there is none.
 
+    In the model limbs have no thickness: what the object meets is the line in the outlines' middle.
+
     Raises:
         ValueError: an ending that is neither, no ezdxf, or a thickness that is not above 0.
 

@@ -18,7 +18,7 @@ PACKAGE = Path(pcjax.__file__).parent
 LAYERS = (
     ("__init__", "__main__", "cli", "compilation_cache"),
     ("claims", "viz"),
-    ("figures", "design", "study"),
+    ("figures", "design", "export", "study"),
     ("evaluate",),
     ("results", "paper"),
     ("quality",),

@@ -27,11 +27,11 @@ def add_animate(parser: argparse.ArgumentParser) -> None:
     )
     add(
         "--pick",
-        choices=PICKS,
+        choices=tuple(PICKS),
         default=None,
-        help=f"without --trial: of the first {PICKED_FROM} trials the first that escaped, the "
-        "first still inside at the limit, or the one that took longest to escape (default: "
-        "escaped)",
+        help=f"without --trial, of the first {PICKED_FROM}: "
+        + ", ".join(f"{name}: {what}" for name, what in PICKS.items())
+        + " (default: escaped)",
     )
     add_experiment(parser)
     add_dt(parser, "as large as accuracy allows")
@@ -76,7 +76,7 @@ def _run(arguments: argparse.Namespace) -> None:
     step = f"step {recording.escape_step:,} ({recording.seconds:.3f} s)"
     endings = {PASSED: f"escaped in {step}", INVALID: f"went wrong in {step}"}
     ending = endings.get(recording.status, f"still inside at the limit, {step}")
-    why = "" if arguments.trial is not None else f" ({pick}, of the first {PICKED_FROM})"
+    why = "" if arguments.trial is not None else f" ({PICKS[pick]} of {PICKED_FROM})"
     print(
         f"{name}, trial {recording.trial} of seed {recording.seed}{why}: {ending}; "
         f"dt = {recording.dt:.3g} s; film: {arguments.out}"

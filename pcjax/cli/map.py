@@ -115,8 +115,13 @@ def as_json(data: xr.Dataset, space: DesignSpace) -> dict[str, Any]:
         return values if math.isfinite(values) else None
 
     x, y = space.free
-    best, current = _best(data), space.design_of(space.base)
-    attrs = data.attrs
+    best, attrs = _best(data), data.attrs
+    current = None
+    if "current_score" in attrs:
+        current = {
+            "parameters": {p.label: attrs[f"current_{p.label}"] for p in space.free},
+            "score": {"value": plain(attrs["current_score"]), "se": plain(attrs["current_se"])},
+        }
     return {
         **{
             side: {"parameter": p.label, "values": data[p.label].values.tolist()}
@@ -128,10 +133,7 @@ def as_json(data: xr.Dataset, space: DesignSpace) -> dict[str, Any]:
             "parameters": {p.label: float(best[p.label]) for p in space.free},
             "score": {"value": float(best.score), "se": float(best.se)},
         },
-        "current": {
-            "parameters": space.named(current),
-            "score": {"value": plain(attrs["current_score"]), "se": plain(attrs["current_se"])},
-        },
+        "current": current,
         "hands": attrs["hands"],
         "trials": attrs["trials"],
         "seed": attrs["seed"],
@@ -144,12 +146,18 @@ def as_text(data: xr.Dataset, space: DesignSpace, surrogate: Surrogate) -> str:
     best, attrs = _best(data), data.attrs
     lines = [f"{score_name(surrogate)}, of {attrs['hands']:,} hands:"]
     at = np.array([float(best[p.label]) for p in space.free])
-    for name, design, value, se in (
-        ("best", at, float(best.score), float(best.se)),
-        ("current", space.design_of(space.base), attrs["current_score"], attrs["current_se"]),
-    ):
-        score = f"{value:,.4f} ± {se:.4f}" if math.isfinite(value) else "no score"
-        lines.append(f"{name:8} {score}  at {space.describe(design)}")
+    lines.append(
+        f"best     {float(best.score):,.4f} ± {float(best.se):.4f}  at {space.describe(at)}"
+    )
+    if "current_score" not in attrs:
+        lines.append(
+            "the current hand is not on the map: it is outside the bounds, or its fingers differ "
+            "in a parameter that is for both"
+        )
+        return "\n".join(lines)
+    value, se = attrs["current_score"], attrs["current_se"]
+    score = f"{value:,.4f} ± {se:.4f}" if math.isfinite(value) else "no score"
+    lines.append(f"current  {score}  at {space.describe(space.design_of(space.base))}")
     return "\n".join(lines)
 
 

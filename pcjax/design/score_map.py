@@ -60,8 +60,10 @@ def score_map(
 
     Returns:
         A dataset along the two parameters' labels, the second first, with the `score` and its
-        standard error `se` (NaN where there is none), the hand's `gap`, and whether it is a
-        `full_cage` or not `possible` at all. Attributes `current_...` are the base hand's.
+        standard error `se` (NaN where there is none), the hand's `gap`, whether it is a `full_cage`
+        and whether it is `possible` at all. Attributes `current_...` are the base hand's; there are
+        none where it is not on the map: outside the bounds, or its fingers differ in a parameter
+        that is for both.
 
     Raises:
         ValueError: not two parameters, a number out of range, or no hand that has a score.
@@ -78,12 +80,15 @@ def score_map(
     every = np.concatenate([designs.reshape(-1, 2), current[None]])
     gaps, possible = shapes(surrogate, space, every)
     caged = full_cage(gaps, space.width)
-    scored = np.flatnonzero(possible & ~caged)
-    if not np.any(scored < len(every) - 1):
+    scored = possible & ~caged
+    if not np.any(scored[:-1]):
         raise ValueError(
             "no hand on the map has a score: everywhere the gap is narrower than the object, limbs "
             "cross, or the object does not fit; take other bounds or more points"
         )
+    marked = _on_map(space, current)
+    hands = int(np.sum(scored[:-1]))
+    scored[-1] &= marked
     found = score_all(surrogate, space, list(every[scored]), seed=seed, progress=progress)
     values, errors = np.full((2, len(every)), np.nan)
     values[scored] = [score.value for score in found]
@@ -112,15 +117,24 @@ def score_map(
                 "objective": surrogate.objective,
                 "directions": list(surrogate.task.directions),
                 "object_width": space.width,
-                **{f"current_{name}": v for name, v in space.named(current).items()},
-                "current_score": values[-1],
-                "current_se": errors[-1],
-                "current_gap": gaps[-1],
-                "hands": len(scored),
+                **(
+                    {f"current_{name}": v for name, v in space.named(current).items()}
+                    | {"current_score": values[-1], "current_se": errors[-1]}
+                    if marked
+                    else {}
+                ),
+                "hands": hands,
                 "wall_seconds": time.perf_counter() - began,
             }
         ),
     )
+
+
+def _on_map(space: DesignSpace, current: Float[np.ndarray, "2"]) -> bool:
+    """Whether the design `current` is the base hand, and within the bounds."""
+    pairs = zip(jax.tree.leaves(space.hand(current)), jax.tree.leaves(space.base), strict=True)
+    same = all(np.isclose(float(a), float(b), rtol=1e-9, atol=1e-12) for a, b in pairs)
+    return same and bool(np.all((current >= space.low) & (current <= space.high)))
 
 
 def score_name(surrogate: Surrogate) -> str:

@@ -21,9 +21,12 @@ from pcjax.model.hand import points_of
 from pcjax.model.scenario import Drive, Scenario
 from pcjax.physics.step import INVALID, PAPER_DT, PASSED, begin
 
-PICKS = ("escaped", "stuck", "longest")
-"""Trials worth a look: the first that escaped, the first still inside at the limit, or of those
-that escaped the last to do so."""
+PICKS = {
+    "escaped": "the first that escaped",
+    "stuck": "the first still inside at the limit",
+    "longest": "the one that took longest to escape",
+}
+"""Trials worth a look."""
 
 PICKED_FROM = 200
 """Trials that one is picked from."""

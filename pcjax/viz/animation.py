@@ -210,7 +210,7 @@ class _Film:
         margin = 0.05 * np.ptp(points, axis=0).max()
         return points.min(axis=0) - margin, points.max(axis=0) + margin
 
-    def draw(self, k: int) -> list[object]:
+    def draw(self, k: int) -> tuple[()]:
         """Picture `k`, in place of the one before."""
         main = self._main
         main.clear()
@@ -223,7 +223,7 @@ class _Film:
         for text in list(self.figure.texts):
             text.remove()
         self._draw_texts(k)
-        return []
+        return ()
 
     def _draw_trail(self, k: int) -> None:
         now = self._frames.times[k]
@@ -268,14 +268,16 @@ def _draw_dial(axis: Axes, g: float, frames: Frames, k: int) -> None:
     axis.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1))
     axis.set_aspect("equal")
     axis.add_patch(Disc((0, 0), 1.0, fc="0.96", ec="0.7"))
-    tip = frames.pull[k] / g if g > 0 else np.zeros(2)
+    x, y = frames.pull[k] / g if g > 0 else (0.0, 0.0)
     axis.annotate(
         "",
-        tip,
+        (x, y),
         (0, 0),
         arrowprops={"arrowstyle": "-|>", "color": "0.2", "lw": 2, "shrinkA": 0, "shrinkB": 0},
     )
-    axis.text(0, 0.8, f"{np.hypot(*tip):.2f} g", ha="center", va="center", fontsize=9, color="0.3")
+    axis.text(
+        0, 0.8, f"{math.hypot(x, y):.2f} g", ha="center", va="center", fontsize=9, color="0.3"
+    )
 
 
 def _degrees(angle: float) -> str:

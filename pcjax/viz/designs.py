@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import jax
 import numpy as np
@@ -10,7 +11,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from scipy.ndimage import distance_transform_edt
+from scipy.interpolate import NearestNDInterpolator
 
 from pcjax.design.compare import compare
 from pcjax.design.optimize import Optimum
@@ -137,13 +138,13 @@ def plot_map(data: tuple[xr.Dataset, DesignSpace, Surrogate]) -> Figure:
     _draw_score(axis, xs, ys, _without_holes(score), score_name(surrogate), lines=True)
     handles = _draw_regions(axis, space, surrogate, space.width, hatched=True)
     row, column = np.unravel_index(np.nanargmax(score), score.shape)
-    marks: list[tuple[str, float, float, str, float, float]] = [
+    marks: list[tuple[Any, ...]] = [
         ("best", xs[column], ys[row], "o", score[row, column], float(dataset.se[row, column]))
     ]
-    attrs, current = dataset.attrs, space.design_of(space.base)
-    if np.all((current >= space.low) & (current <= space.high)):
-        value, se = attrs["current_score"], attrs["current_se"]
-        marks.append(("current", current[0], current[1], "*", value, se))
+    attrs = dataset.attrs
+    if "current_score" in attrs:
+        at = (attrs[f"current_{p.label}"] for p in space.free)
+        marks.append(("current", *at, "*", attrs["current_score"], attrs["current_se"]))
     for name, x, y, marker, value, se in marks:
         label = f"{name} hand: {value:,.4g} ± {se:.2g}" if np.isfinite(value) else f"{name} hand"
         style = {"mfc": COLOURS[1], "mec": "white", "ms": 15 if marker == "*" else 8}
@@ -163,14 +164,17 @@ def _draw_score(
     filled = axis.contourf(xs, ys, score, 12, cmap="viridis")
     axis.figure.colorbar(filled, ax=axis, label=name)
     if lines:
-        drawn = axis.contour(xs, ys, score, filled.levels[1:-1:2], colors="white", linewidths=0.7)
+        drawn = axis.contour(
+            xs, ys, score, list(filled.levels)[1:-1:2], colors="white", linewidths=0.7
+        )
         axis.clabel(drawn, fontsize=8)
 
 
 def _without_holes(values: np.ndarray) -> np.ndarray:
     """Every NaN replaced by the nearest value, so that colours reach the edge of a region."""
-    nearest = distance_transform_edt(np.isnan(values), return_distances=False, return_indices=True)
-    return values[tuple(nearest)]
+    there = np.isfinite(values)
+    nearest = NearestNDInterpolator(np.argwhere(there), values[there])
+    return nearest(*np.indices(values.shape))
 
 
 def _draw_regions(
