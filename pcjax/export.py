@@ -90,10 +90,12 @@ def export_hand(
     drawing = _Svg() if path.suffix.lower() == ".svg" else _Dxf()
     line = points_of(hand)
     drawing.line("LIMBS", line)
-    for a, b in pairwise(line) if thickness is not None else ():
-        drawing.slot("OUTLINES", a, b, thickness / 2)
+    size = 0.01 * float(hand.palm_length)
+    if thickness is not None:
+        size = 0.2 * thickness
+        for a, b in pairwise(line):
+            drawing.slot("OUTLINES", a, b, thickness / 2)
     for joint in line[1:-1]:
-        size = 0.01 * float(hand.palm_length) if thickness is None else 0.2 * thickness
         drawing.circle("JOINTS", joint, size)
     with jax.enable_x64(True):
         goal = jax.device_get(hand.goal())
@@ -149,8 +151,16 @@ class _Svg:
             height=f"{_text(height)}mm",
             viewBox=" ".join(map(_text, (low[0] - margin, -high[1] - margin, width, height))),
         )
-        style = {"fill": "none", "stroke-width": _text(0.1 * margin), "stroke-linejoin": "round"}
-        up = ElementTree.SubElement(root, f"{{{_SVG}}}g", transform="scale(1,-1)", **style)
+        up = ElementTree.SubElement(
+            root,
+            f"{{{_SVG}}}g",
+            {
+                "transform": "scale(1,-1)",
+                "fill": "none",
+                "stroke-width": _text(0.1 * margin),
+                "stroke-linejoin": "round",
+            },
+        )
         for layer, parts in self._groups.items():
             group = ElementTree.SubElement(up, f"{{{_SVG}}}g", id=layer, stroke=_STROKES[layer])
             for tag, attributes in parts:

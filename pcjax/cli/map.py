@@ -20,7 +20,7 @@ from pcjax.cli.condition import (
     usual_parameters,
 )
 from pcjax.cli.parts import add_experiment, check_picture, check_writable, save_picture, whole
-from pcjax.design.score_map import score_map, score_name
+from pcjax.design.score_map import MapPlan, score_name
 from pcjax.design.space import HELP, DesignSpace, design_space
 from pcjax.quality.surrogate import OBJECTIVES, Surrogate
 from pcjax.results import save_dataset, save_text
@@ -85,14 +85,14 @@ def _run(arguments: argparse.Namespace) -> None:
     surrogate = Surrogate(
         task, objective=arguments.objective, form="exact", trials=arguments.trials
     )
-    hands = math.prod(arguments.points)
+    plan = MapPlan.of(surrogate, space, arguments.points, seed=arguments.seed)
     print(
-        f"at most {hands:,} hands with {surrogate.trials:,} trials in "
-        f"{' and '.join(task.directions)}: {hands * len(task.directions) * surrogate.trials:,} "
-        "trials",
+        f"{plan.hands:,} of {math.prod(arguments.points):,} hands have a score; each with "
+        f"{surrogate.trials:,} trials in {' and '.join(task.directions)}: "
+        f"{plan.hands * len(task.directions) * surrogate.trials:,} trials",
         file=sys.stderr,
     )
-    data = score_map(surrogate, space, arguments.points, seed=arguments.seed, progress=True)
+    data = plan.run(progress=True)
     if arguments.data:
         if arguments.data.suffix.lower() == ".csv":
             save_text(data.to_dataframe().to_csv(), arguments.data)

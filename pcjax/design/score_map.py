@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
@@ -68,66 +69,119 @@ def score_map(
     Raises:
         ValueError: not two parameters, a number out of range, or no hand that has a score.
     """
-    if len(space.free) != 2:
-        raise ValueError(f"a map needs two free parameters, and there are {len(space.free)}")
-    lines = grid_lines(space, points)
-    for p, line in zip(space.free, lines, strict=True):
-        check_count(f"grid points of {p.name}", len(line), 2, 1000)
-    began = time.perf_counter()
-    x, y = space.free
-    designs = np.stack(np.meshgrid(*lines), axis=-1)
-    current = space.design_of(space.base)
-    every = np.concatenate([designs.reshape(-1, 2), current[None]])
-    gaps, possible = shapes(surrogate, space, every)
-    caged = full_cage(gaps, space.width)
-    scored = possible & ~caged
-    if not np.any(scored[:-1]):
-        raise ValueError(
-            "no hand on the map has a score: everywhere the gap is narrower than the object, limbs "
-            "cross, or the object does not fit; take other bounds or more points"
+    return MapPlan.of(surrogate, space, points, seed=seed).run(progress=progress)
+
+
+@dataclass(frozen=True)
+class MapPlan:
+    """The hands of a map before they are scored.
+
+    Attributes:
+        surrogate, space, seed: see `score_map`.
+        lines: values of each parameter.
+        designs: of the grid, the second parameter slowest, and after them the base hand's.
+        gaps, possible: of those (`shapes`).
+        scored: which of those are to be scored.
+    """
+
+    surrogate: Surrogate
+    space: DesignSpace
+    seed: int
+    lines: list[Float[np.ndarray, " points"]]
+    designs: Float[np.ndarray, "designs 2"]
+    gaps: Float[np.ndarray, " designs"]
+    possible: Bool[np.ndarray, " designs"]
+    scored: Bool[np.ndarray, " designs"]
+
+    @classmethod
+    def of(
+        cls,
+        surrogate: Surrogate,
+        space: DesignSpace,
+        points: Sequence[int] | None = None,
+        *,
+        seed: int = 0,
+    ) -> MapPlan:
+        """Checks everything and looks at every hand; see `score_map`."""
+        check_count("seed", seed, 0, 2**32 - 1)
+        if len(space.free) != 2:
+            raise ValueError(f"a map needs two free parameters, and there are {len(space.free)}")
+        lines = grid_lines(space, points)
+        for p, line in zip(space.free, lines, strict=True):
+            check_count(f"grid points of {p.name}", len(line), 2, 1000)
+        current = space.design_of(space.base)
+        designs = np.stack(np.meshgrid(*lines), axis=-1).reshape(-1, 2)
+        designs = np.concatenate([designs, current[None]])
+        gaps, possible = shapes(surrogate, space, designs)
+        scored = possible & ~full_cage(gaps, space.width)
+        if not np.any(scored[:-1]):
+            raise ValueError(
+                "no hand on the map has a score: everywhere the gap is narrower than the object, "
+                "limbs cross, or the object does not fit; take other bounds or more points"
+            )
+        scored[-1] &= _on_map(space, current)
+        return cls(surrogate, space, seed, lines, designs, gaps, possible, scored)
+
+    @property
+    def hands(self) -> int:
+        """How many hands of the grid are to be scored."""
+        return int(np.sum(self.scored[:-1]))
+
+    def run(self, *, progress: bool = False) -> xr.Dataset:
+        """The map; see `score_map`."""
+        began = time.perf_counter()
+        surrogate, space, count = self.surrogate, self.space, len(self.designs)
+        found = score_all(
+            surrogate, space, list(self.designs[self.scored]), seed=self.seed, progress=progress
         )
-    marked = _on_map(space, current)
-    hands = int(np.sum(scored[:-1]))
-    scored[-1] &= marked
-    found = score_all(surrogate, space, list(every[scored]), seed=seed, progress=progress)
-    values, errors = np.full((2, len(every)), np.nan)
-    values[scored] = [score.value for score in found]
-    errors[scored] = [score.se for score in found]
-    sides = {y.label: lines[1], x.label: lines[0]}
-    length = {"units": "model length"}
-    each = {
-        "score": (values, {"long_name": score_name(surrogate)}),
-        "se": (errors, {"long_name": "standard error of the score"}),
-        "gap": (gaps, length | {"long_name": "narrowest passage out of the hand"}),
-        "full_cage": (caged, {"long_name": "whether the gap is narrower than the object"}),
-        "possible": (
-            possible,
-            {"long_name": "whether no limbs cross and the object fits at its starts"},
-        ),
-    }
-    shape = designs.shape[:-1]
-    return xr.Dataset(
-        {name: (tuple(sides), v[:-1].reshape(shape), attrs) for name, (v, attrs) in each.items()},
-        coords=sides,
-        attrs=provenance(
+        values, errors = np.full((2, count), np.nan)
+        values[self.scored] = [score.value for score in found]
+        errors[self.scored] = [score.se for score in found]
+        x, y = space.free
+        sides = {y.label: self.lines[1], x.label: self.lines[0]}
+        each = {
+            "score": (values, {"long_name": score_name(surrogate)}),
+            "se": (errors, {"long_name": "standard error of the score"}),
+            "gap": (
+                self.gaps,
+                {"units": "model length", "long_name": "narrowest passage out of the hand"},
+            ),
+            "full_cage": (
+                full_cage(self.gaps, space.width),
+                {"long_name": "whether the gap is narrower than the object"},
+            ),
+            "possible": (
+                self.possible,
+                {"long_name": "whether no limbs cross and the object fits at its starts"},
+            ),
+        }
+        shape = len(self.lines[1]), len(self.lines[0])
+        current = self.designs[-1]
+        about_current = {
+            **{f"current_{name}": value for name, value in space.named(current).items()},
+            "current_score": values[-1],
+            "current_se": errors[-1],
+        }
+        return xr.Dataset(
             {
-                "trials": surrogate.trials,
-                "max_steps": surrogate.task.max_steps,
-                "seed": seed,
-                "objective": surrogate.objective,
-                "directions": list(surrogate.task.directions),
-                "object_width": space.width,
-                **(
-                    {f"current_{name}": v for name, v in space.named(current).items()}
-                    | {"current_score": values[-1], "current_se": errors[-1]}
-                    if marked
-                    else {}
-                ),
-                "hands": hands,
-                "wall_seconds": time.perf_counter() - began,
-            }
-        ),
-    )
+                name: (tuple(sides), numbers[:-1].reshape(shape), attrs)
+                for name, (numbers, attrs) in each.items()
+            },
+            coords=sides,
+            attrs=provenance(
+                {
+                    "trials": surrogate.trials,
+                    "max_steps": surrogate.task.max_steps,
+                    "seed": self.seed,
+                    "objective": surrogate.objective,
+                    "directions": list(surrogate.task.directions),
+                    "object_width": space.width,
+                    "hands": self.hands,
+                    "wall_seconds": time.perf_counter() - began,
+                    **(about_current if _on_map(space, current) else {}),
+                }
+            ),
+        )
 
 
 def _on_map(space: DesignSpace, current: Float[np.ndarray, "2"]) -> bool:

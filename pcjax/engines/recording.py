@@ -177,12 +177,12 @@ def _carriage(drive: Drive, seed: Any, trial: Any, periods: Array, times: Array)
             period_draws(key, jnp.maximum(k, 0), drive.targets_per_period)
             for k in (period - 1, period)
         )
-        swing = drive.swing(before, draws, period == 0)
         if isinstance(drive, PlanarArm):
-            joints, turn = drive.pose(swing, time)
+            joints, turn = drive.pose(drive.swing(before, draws, period == 0), time)
             places = jnp.stack([jnp.stack([joint.x, joint.y]) for joint in joints])
             down = drive.gravity_direction
             return places, turn, drive.gravity * jnp.stack([jnp.cos(down), jnp.sin(down)]), None
+        swing = drive.swing(before, draws, period == 0)
         pull, tilt = drive.pull(swing, time, 0.0).start, drive.tilt(swing, time)
         still = jnp.zeros((1, 2))
         return still, 0.0, jnp.stack([pull.x, pull.y]), jnp.stack([tilt.x, tilt.y])

@@ -135,7 +135,7 @@ def plot_map(data: tuple[xr.Dataset, DesignSpace, Surrogate]) -> Figure:
     axis = figure.subplots()
     score = dataset.score.values
     xs, ys = (dataset[p.label].values for p in space.free)
-    _draw_score(axis, xs, ys, _without_holes(score), score_name(surrogate), lines=True)
+    _draw_score(axis, xs, ys, score, score_name(surrogate))
     handles = _draw_regions(axis, space, surrogate, space.width, hatched=True)
     row, column = np.unravel_index(np.nanargmax(score), score.shape)
     marks: list[tuple[Any, ...]] = [
@@ -158,16 +158,12 @@ def plot_map(data: tuple[xr.Dataset, DesignSpace, Surrogate]) -> Figure:
     return figure
 
 
-def _draw_score(
-    axis: Axes, xs: np.ndarray, ys: np.ndarray, score: np.ndarray, name: str, lines: bool = False
-) -> None:
-    filled = axis.contourf(xs, ys, score, 12, cmap="viridis")
+def _draw_score(axis: Axes, xs: np.ndarray, ys: np.ndarray, score: np.ndarray, name: str) -> None:
+    filled = axis.contourf(xs, ys, _without_holes(score), 12, cmap="viridis")
     axis.figure.colorbar(filled, ax=axis, label=name)
-    if lines:
-        drawn = axis.contour(
-            xs, ys, score, list(filled.levels)[1:-1:2], colors="white", linewidths=0.7
-        )
-        axis.clabel(drawn, fontsize=8)
+    levels = list(filled.levels)[1:-1:2]
+    lines = axis.contour(xs, ys, score, levels, colors="white", linewidths=0.7)
+    axis.clabel(lines, fontsize=8)
 
 
 def _without_holes(values: np.ndarray) -> np.ndarray:
@@ -186,7 +182,7 @@ def _draw_regions(
     handles = []
     for values, edge, colour, hatch, label in (
         (gaps, least, "0.9", "//", f"full cage: gap below {least:.4g}"),
-        (np.where(possible, 1.0, 0.0), 0.5, "0.75", "xx", "limbs cross, or no room at a start"),
+        (np.where(possible, 1.0, 0.0), 0.5, "0.75", "xx", "limbs cross, or no room for the object"),
     ):
         if not np.any(values < edge):
             continue
