@@ -75,8 +75,13 @@ def _run(arguments: argparse.Namespace) -> None:
         )
     study = condition(arguments)
     sides = [
-        given or (name, None)
-        for given, name in zip((arguments.x, arguments.y), usual_parameters(study), strict=True)
+        (name.replace("-", "_"), bounds)
+        for name, bounds in (
+            given or (usual, None)
+            for given, usual in zip(
+                (arguments.x, arguments.y), usual_parameters(study), strict=True
+            )
+        )
     ]
     if len(dict(sides)) < 2:
         raise ValueError(f"--x and --y are both {sides[0][0]}: they have to differ")
