@@ -121,10 +121,13 @@ class Segment(eqx.Module):
 def segments_cross(a: Segment, b: Segment) -> Flag:
     """Whether two segments cut through each other or lie on each other; touching is neither."""
 
-    def on_both_sides(of: Segment, by: Segment) -> Flag:
-        return by.tangent.cross(of.start - by.start) * by.tangent.cross(of.end - by.start) < 0
-
     small = 1e-9 * (a.length + b.length)
+
+    def on_both_sides(of: Segment, by: Segment) -> Flag:
+        # Rounding puts segments on one line a little to either side of each other.
+        sides = [by.tangent.cross(point - by.start) for point in (of.start, of.end)]
+        return (jnp.minimum(*sides) < -small) & (jnp.maximum(*sides) > small)
+
     ends = [a.tangent.dot(point - a.start) for point in (b.start, b.end)]
     shared = jnp.minimum(jnp.maximum(*ends), a.length) - jnp.maximum(jnp.minimum(*ends), 0.0)
     off_line = [jnp.abs(a.tangent.cross(point - a.start)) for point in (b.start, b.end)]

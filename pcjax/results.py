@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Int32, UInt8
@@ -25,9 +24,6 @@ from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario
 from pcjax.physics.step import INVALID, PAPER_DT
 from pcjax.quality.indices import UNDEFINED, Estimate, index1, index2, ratio, survival_curve
-
-_CORNER = (0.9, 0.0, 0.0)
-"""Draws of the start in the corner at the palm's right end."""
 
 WATCHED = {
     "penetration": {
@@ -184,7 +180,7 @@ class Evaluation:
         first = next(iter(scenarios.values()))
         passages = jax.device_get([s.hand.narrowest_passage() for s in scenarios.values()])
         gaps = [math.hypot(b.x - a.x, b.y - a.y) for a, b in passages]
-        starts = jax.device_get([s.start(jnp.asarray(_CORNER)) for s in scenarios.values()])
+        starts = jax.device_get([s.corner_start() for s in scenarios.values()])
         watched = {}
         if outcomes.watch is not None:
             watched = {

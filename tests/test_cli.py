@@ -376,7 +376,7 @@ def test_pictures_of_other_kinds(command: Command, tmp_path: Path, ending: str):
 def test_no_command_prints_the_help(command: Command):
     done = command("")
     assert (done.code, done.err) == (0, "")
-    for name in ("evaluate", "optimize", "figure", "claims"):
+    for name in ("evaluate", "optimize", "map", "animate", "export", "figure", "claims"):
         assert name in done.out
 
 
@@ -448,6 +448,80 @@ def test_ways_to_optimize(command: Command, flags: str):
     assert (done.code, done.err) == (0, "")
     assert re.search(r"^improvement: ", done.out, re.MULTILINE)
     assert re.search(r"better", done.out)
+
+
+# ------------------------------------------------------------------------- map, animate, export
+
+SMALL_MAP = "map --points 3 2 --trials 20 --max-steps 20_000"
+
+
+def test_a_map_is_one_object_a_picture_and_its_data(command: Command, tmp_path: Path):
+    done = command(
+        f"{SMALL_MAP} --x fingertip-angle=-20:40 --y gap-width=40:200 --json --data m.nc"
+    )
+    assert (done.code, done.err.count("\n")) == (0, 1)
+    assert "3 of 6 hands" in done.err
+    told = json.loads(done.out, parse_constant=lambda text: pytest.fail(f"{text} is not JSON"))
+    assert told["x"] == {"parameter": "fingertip_angle_deg", "values": [-20, 10, 40]}
+    assert told["y"] == {"parameter": "gap_width", "values": [40, 200]}
+    # A gap of 40 is too narrow for a diameter of 50, the paper's is not.
+    assert told["score"][0] == [None] * 3
+    assert all(told["full_cage"][0])
+    assert told["current"]["score"]["value"] == told["score"][1][1]
+    assert told["best"]["score"]["value"] == max(told["score"][1])
+    assert told["hands"] == 3
+    assert imread(tmp_path / "map.png").ndim == 3
+    data = xr.load_dataset(tmp_path / "m.nc", engine="h5netcdf")
+    assert data.score.values[1].tolist() == told["score"][1]
+    assert (data.attrs["trials"], data.attrs["seed"]) == (20, 0)
+
+
+def test_a_map_of_the_arm_as_text_and_a_table(command: Command, tmp_path: Path):
+    done = command(f"{SMALL_MAP} --scenario arm --objective escape_rate --out m.svg --data m.csv")
+    assert done.code == 0
+    assert re.search(r"^best .*joint_angle_1", done.out, re.MULTILINE)
+    assert re.search(r"^current .*joint_angle_1 65 deg", done.out, re.MULTILINE)
+    rows = (tmp_path / "m.csv").read_text().splitlines()
+    assert rows[0] == "joint_angle_2_deg,joint_angle_1_deg,score,se,gap,full_cage,possible"
+    assert len(rows) == 1 + 6
+
+
+def test_animate_says_which_trial_and_when_it_ended(command: Command, tmp_path: Path):
+    line = "animate --gap-width 400 --fingertip-angle -20 --seconds 1 --fps 5 --out film.gif"
+    done = command(f"{line} --seed 2 --max-steps 100_000 --dt 0.04")
+    assert (done.code, done.err) == (0, "")
+    told = re.search(r"trial (\d+) of seed 2 .*escaped in step ([\d,]+)", done.out)
+    assert told
+    trial, step = (int(text.replace(",", "")) for text in told.groups())
+    counted = pcjax.evaluate(
+        pcjax.box_hand(math.radians(-20), gap_width=400.0),
+        direction="does",
+        engine="stepping",
+        dt=0.04,
+        trials=trial + 1,
+        seed=2,
+        max_steps=100_000,
+    )
+    assert counted.dataset.escape_step.values[0, trial] == pytest.approx(step, abs=1)
+    assert (tmp_path / "film.gif").read_bytes().startswith(b"GIF89a")
+    done = command(f"{line} --direction eoen --trial 1 --max-steps 1000")
+    assert "EoEn, trial 1 of seed 0: still inside at the limit, step 1,000 (1.000 s)" in done.out
+
+
+def test_export_reads_a_study_file(command: Command, tmp_path: Path):
+    study = pcjax.study.Study(
+        pcjax.box_hand(), pcjax.Stick(20.0), pcjax.WristTilt(), pcjax.ContactLaw()
+    )
+    (tmp_path / "hand.toml").write_text(study.to_toml())
+    for ending in ("svg", "dxf"):
+        done = command(f"export hand.toml --thickness 8 --with-object --out hand.{ending}")
+        assert (done.code, done.err) == (0, "")
+        by_hand = pcjax.export_hand(
+            study.hand, tmp_path / f"own.{ending}", thickness=8, body=study.body
+        )
+        if ending == "svg":
+            assert (tmp_path / "hand.svg").read_text() == by_hand.read_text()
+        assert "OUTLINES" in (tmp_path / f"hand.{ending}").read_text()
 
 
 # ------------------------------------------------------------------------------ figures, claims
@@ -596,7 +670,7 @@ BAD_GEOMETRY = [
 ]
 BAD_WORDS = [
     refused("evaluat", "evaluat", "did you mean evaluate"),
-    refused("destroy", "destroy", "evaluate, optimize, figure, claims"),
+    refused("destroy", "destroy", "evaluate, optimize, map, animate, export, figure"),
     refused("evaluate --radus 5", "--radus", "did you mean --radius"),
     refused("evaluate --fingertip-angel=5", "--fingertip-angel", "did you mean --fingertip-angle"),
     refused("figure 12 --trails 10", "--trails", "did you mean --trials"),
@@ -689,6 +763,41 @@ BAD_OPTIMIZE = [
     refused("optimize --dt 0.1", "--dt"),
     refused("optimize missing.toml", "missing.toml"),
 ]
+BAD_DRAWINGS = [
+    refused("animate --out film.avi", "film.avi", ".gif, .mp4, .html"),
+    refused("animate --out missing/film.gif", "missing/film.gif", "folder"),
+    refused("animate --pick best", "best", "escaped, stuck, longest"),
+    refused("animate --pick stuck --trial 3", "--pick", "--trial"),
+    refused("animate --trial -1", "trial", "-1"),
+    refused("animate --trial 1.5", "1.5", "whole"),
+    refused("animate --seconds 0", "seconds", "0"),
+    refused("animate --speed nan", "speed", "nan"),
+    refused("animate --fps 1000", "fps", "1000"),
+    refused("animate --dt 100", "dt", "100"),
+    refused("animate --max-steps 10", "none of the first 200", "escaped", "10 steps"),
+    refused("animate --direction both", "both", "does, eoen"),
+    refused("animate --direction eoen --scenario arm", "EoEn", "three limbs"),
+    refused("animate --radius 240", "radius 240", "does not fit"),
+    refused("map --out map.doc", "map.doc", "png"),
+    refused("map --data map.xls", "map.xls", ".nc, .csv"),
+    refused("map --x fingertip-angel", "fingertip_angel", "did you mean fingertip_angle"),
+    refused("map --x fingertip-length", "--x", "--y", "fingertip_length"),
+    refused("map --x joint-angle-3 --y fingertip-angle", "same number"),
+    refused("map --points 1 5", "fingertip_angle", "1"),
+    refused("map --points 5 0", "fingertip_length", "0"),
+    refused("map --points 1000 1000", "grid", "100000"),
+    refused("map --points 5", "--points"),
+    refused("map --seed -1", "seed", "-1"),
+    refused("map --trials 1", "trials", "1"),
+    refused("map --max-steps 12345", "12345", "10000"),
+    refused("map --y gap-width=10:40 --points 2 2", "no hand on the map"),
+    refused("map --objective index3", "index3", "index1"),
+    refused("export --out hand.stl", "hand.stl", ".svg, .dxf"),
+    refused("export --thickness 0", "thickness", "0"),
+    refused("export --thickness nan", "thickness", "nan"),
+    refused("export --fingertip-length 600 --fingertip-angle 0", "crosses the palm"),
+    refused("export missing.toml", "missing.toml"),
+]
 BAD_FIGURES = [
     refused(f"{name} --{flag} {value}", value)
     for name in ("figure 12", "claims")
@@ -718,6 +827,7 @@ def unexpected(*_: Any, **__: Any) -> None:
         *BAD_WORDS,
         *BAD_COMBINATIONS,
         *BAD_OPTIMIZE,
+        *BAD_DRAWINGS,
         *BAD_FIGURES,
     ],
 )

@@ -141,3 +141,10 @@ def test_object_that_just_fits_is_no_full_cage() -> None:
 def test_bad_numbers_are_refused(make: object, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make()  # type: ignore[operator]
+
+
+def test_limbs_on_one_line_that_do_not_meet_do_not_cross(x64: None) -> None:
+    # Both lids of a box hand are on one line, but for rounding.
+    crossed = jax.jit(lambda gap: box_hand(gap_width=gap, fingertip_length=5.0).crossings())
+    for gap in np.arange(20.0, 400.0, 5.0):
+        assert not any(crossed(gap).values()), gap

@@ -19,7 +19,7 @@ LAYERS = (
     ("__init__", "__main__", "cli", "compilation_cache"),
     ("claims", "viz", "sweep"),
     ("study",),
-    ("figures", "design"),
+    ("figures", "design", "export"),
     ("evaluate",),
     ("results", "paper"),
     ("quality",),

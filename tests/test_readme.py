@@ -44,10 +44,15 @@ def test_command(line: str, tmp_path: Path) -> None:
     (tmp_path / "best.toml").write_text(
         Study(pcjax.box_hand(), pcjax.Circle(25.0), pcjax.WristTilt(), pcjax.ContactLaw()).to_toml()
     )
-    less = ["--iterations", "1", "--accept-trials", "20"] if words[0] == "optimize" else []
+    less = {
+        "optimize": [*SMALL, "--iterations", "1", "--accept-trials", "20"],
+        "map": [*SMALL, "--points", "3", "2"],
+        "animate": ["--max-steps", "100000", "--seconds", "1"],
+        "export": [],
+    }.get(words[0], SMALL)
     # a later flag wins over an earlier one
     done = subprocess.run(
-        [sys.executable, "-m", "pcjax", *words, *SMALL, *less],
+        [sys.executable, "-m", "pcjax", *words, *less],
         cwd=tmp_path,
         capture_output=True,
         text=True,
@@ -56,7 +61,7 @@ def test_command(line: str, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert done.stdout
     for k, word in enumerate(words):
-        if word in ("--out", "--plot"):
+        if word in ("--out", "--plot", "--data"):
             assert (tmp_path / words[k + 1]).stat().st_size > 300
 
 

@@ -1,4 +1,4 @@
-"""The command line: evaluate, optimise and sweep hands, redo figures, check the paper's claims."""
+"""The command line: evaluate, optimise, sweep, map, film or export hands; the paper's figures."""
 
 from __future__ import annotations
 
@@ -6,9 +6,12 @@ import argparse
 import sys
 from collections.abc import Sequence
 
+from pcjax.cli.animate import add_animate
 from pcjax.cli.claims import add_claims
 from pcjax.cli.evaluate import add_evaluate
+from pcjax.cli.export import add_export
 from pcjax.cli.figure import add_figure
+from pcjax.cli.map import add_map
 from pcjax.cli.optimize import add_optimize
 from pcjax.cli.parts import HelpFormatter, NegativeNumber, Parser, fail
 from pcjax.cli.results import add_plot, add_show
@@ -48,6 +51,9 @@ def _parse(argv: list[str]) -> argparse.Namespace:
         "sweep": (add_sweep, "evaluate every condition of a study's sweep"),
         "show": (add_show, "print kept results"),
         "plot": (add_plot, "draw kept results"),
+        "map": (add_map, "map the score over two parameters"),
+        "animate": (add_animate, "film one trial"),
+        "export": (add_export, "draw the hand for CAD"),
         "figure": (add_figure, "redo one of the paper's figures"),
         "claims": (add_claims, "check the paper's claims"),
     }

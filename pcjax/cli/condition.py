@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from dataclasses import replace
 from pathlib import Path
 
 from pcjax import paper
@@ -13,6 +14,7 @@ from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
 from pcjax.model.hand import box_hand, two_joint_hand
+from pcjax.quality.surrogate import Task
 from pcjax.study import Study, load_study
 
 _FLAGS = (
@@ -126,7 +128,7 @@ def condition(arguments: argparse.Namespace) -> Study:
                 raise ValueError(
                     f"--{flag.replace('_', '-')} does not go with a study file: say it there"
                 )
-        return load_study(arguments.study)
+        return _with_flags(load_study(arguments.study), arguments)
     arm, stick = arguments.scenario == "arm", arguments.body == "stick"
     gravity = _given(arguments.gravity, paper.GRAVITY)
     for flag, applies, why in (
@@ -161,8 +163,55 @@ def condition(arguments: argparse.Namespace) -> Study:
     radius = _given(arguments.radius, radius)
     orientation = math.radians(_given(arguments.orientation, 0.0))
     law = ContactLaw(restitution=_given(arguments.restitution, paper.RESTITUTION))
-    return Study(hand, Stick(radius, orientation) if stick else Circle(radius), drive, law)
+    body = Stick(radius, orientation) if stick else Circle(radius)
+    return _with_flags(Study(hand, body, drive, law), arguments)
+
+
+def _with_flags(study: Study, arguments: argparse.Namespace) -> Study:
+    """The study run as the flags say, where the command has them and they are given."""
+    flags = ("max_steps", "seed", "engine", "dt", "precision")
+    given = {name: getattr(arguments, name, None) for name in flags}
+    given = {name: value for name, value in given.items() if value is not None}
+    return replace(study, run=replace(study.run, **given))
 
 
 def _given(value: float | None, default: float) -> float:
     return default if value is None else value
+
+
+def parameter_flag(text: str) -> tuple[str, tuple[float, float] | None]:
+    """A parameter's name and, where they are given, its bounds: NAME or NAME=LOW:HIGH."""
+    name, _, bounds = text.partition("=")
+    if not bounds:
+        if "=" in text:
+            raise argparse.ArgumentTypeError(f"{text!r} has no bounds after =")
+        return name, None
+    low, colon, high = bounds.partition(":")
+    if not colon:
+        raise argparse.ArgumentTypeError(f"{text!r} has to be like fingertip-angle=-30:50")
+    return name, (number(low), number(high))
+
+
+def usual_parameters(study: Study) -> tuple[str, str]:
+    """The two parameters of a hand that one looks at first."""
+    if isinstance(study.drive, WristTilt):
+        return "fingertip_angle", "fingertip_length"
+    return "joint_angle_1", "joint_angle_2"
+
+
+def task_of(study: Study) -> Task:
+    """What the study's hand has to be good at.
+
+    Raises:
+        ValueError: EoEn alone, which the best hand would be none at all for.
+    """
+    if study.directions == ("eoen",):
+        raise ValueError("the score or DoEs can be looked at, EoEn alone makes no better hand")
+    return Task(
+        study.body,
+        study.drive,
+        study.directions,
+        study.max_steps,
+        study.law,
+        study.run.start_spread,
+    )

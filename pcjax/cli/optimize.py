@@ -10,9 +10,16 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from pcjax.cli.condition import add_condition, condition
+from pcjax.cli.condition import (
+    add_condition,
+    condition,
+    parameter_flag,
+    task_of,
+    usual_parameters,
+)
 from pcjax.cli.parts import (
     add_dt,
+    add_experiment,
     check_picture,
     check_writable,
     number,
@@ -21,12 +28,12 @@ from pcjax.cli.parts import (
 )
 from pcjax.design.baselines import search_cma, search_grid
 from pcjax.design.optimize import Optimum, Settings, optimize
+from pcjax.design.score_map import score_name
 from pcjax.design.space import HELP, DesignSpace, design_space
-from pcjax.model.drive import WristTilt
 from pcjax.model.scenario import check_geometry
 from pcjax.quality.gradients import Differences, Estimator, Mixture, Pathwise
 from pcjax.quality.indices import Estimate
-from pcjax.quality.surrogate import FORMS, OBJECTIVES, Surrogate, Task
+from pcjax.quality.surrogate import FORMS, OBJECTIVES, Surrogate
 from pcjax.results import save_text
 
 _ESTIMATORS: dict[str, Estimator] = {
@@ -48,7 +55,7 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
     add(
         "--free",
         action="append",
-        type=_free,
+        type=parameter_flag,
         default=None,
         metavar="NAME[=LOW:HIGH]",
         help="a parameter that may change, with bounds in degrees or model lengths; again for "
@@ -93,14 +100,8 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
         default=Settings.accept_trials,
         help="trials of the final comparison of start and result",
     )
-    add(
-        "--max-steps",
-        type=whole,
-        default=None,
-        help="limit, steps of 0.001 s (default: the paper's)",
-    )
-    add("--seed", type=whole, default=0, help="of everything")
-    add_dt(parser)
+    add_experiment(parser)
+    add_dt(parser, "the engine's choice")
     add("--json", action="store_true", help="print one JSON object on stdout, nothing else")
     add("--out", type=Path, default=None, metavar="FILE", help="keep the hand as a study file")
     add("--plot", type=Path, default=None, metavar="FILE", help="draw hands, history and map")
@@ -114,28 +115,12 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=_run)
 
 
-def _free(text: str) -> tuple[str, tuple[float, float] | None]:
-    name, _, bounds = text.partition("=")
-    if not bounds:
-        if "=" in text:
-            raise argparse.ArgumentTypeError(f"{text!r} has no bounds after =")
-        return name, None
-    low, colon, high = bounds.partition(":")
-    if not colon:
-        raise argparse.ArgumentTypeError(f"{text!r} has to be like fingertip-angle=-30:50")
-    return name, (number(low), number(high))
-
-
 def _run(arguments: argparse.Namespace) -> None:
     check_picture(arguments.plot)
     check_writable(arguments.out)
     check_writable(arguments.checkpoint)
     study = condition(arguments)
-    free = arguments.free
-    if free is None:
-        wrist = isinstance(study.drive, WristTilt)
-        names = ("fingertip_angle", "fingertip_length")
-        free = [(n, None) for n in (names if wrist else ("joint_angle_1", "joint_angle_2"))]
+    free = arguments.free or [(name, None) for name in usual_parameters(study)]
     names = [name for name, _ in free]
     for name in names:
         if names.count(name) > 1:
@@ -143,30 +128,21 @@ def _run(arguments: argparse.Namespace) -> None:
     space = design_space(
         study.hand, dict(free), float(study.body.width), arguments.clearance, arguments.limit
     )
-    if study.directions == ("eoen",):
-        raise ValueError("EoEn alone makes no better hand: the study's direction has to be another")
-    task = Task(
-        study.body,
-        study.drive,
-        study.directions,
-        study.max_steps if arguments.max_steps is None else arguments.max_steps,
-        study.law,
-        study.run.start_spread,
-    )
+    task = task_of(study)
     compliant = arguments.estimator == "pathwise"
     surrogate = Surrogate(
         task,
         objective=arguments.objective,
         form=arguments.form,
         trials=arguments.trials,
-        dt=arguments.dt,
+        dt=study.run.dt,
         contact_layer=_COMPLIANT if compliant else 0.0,
     )
     settings = Settings(
         iterations=arguments.iterations,
         starts=arguments.starts,
         accept_trials=arguments.accept_trials,
-        seed=arguments.seed,
+        seed=study.run.seed,
     )
     for scenario in task.scenarios(space.hand(space.nearest_allowed(space.design_of(study.hand)))):
         check_geometry(scenario)
@@ -216,14 +192,14 @@ def as_json(found: Optimum, space: DesignSpace, seconds: float) -> dict[str, Any
 
 def as_text(found: Optimum, space: DesignSpace, surrogate: Surrogate, seconds: float) -> str:
     """The result as a table and a verdict."""
-    what = "score DoEs / EoEn" if len(surrogate.task.directions) == 2 else "DoEs"
+    what = ("score " if len(surrogate.task.directions) == 2 else "") + score_name(surrogate)
     lines = [f"{'':20}{'start':>12}{'best':>12}"]
     for p, a, b in zip(space.free, found.start, found.best, strict=True):
         unit = f" [{p.unit}]" if p.unit else ""
         lines.append(f"{p.name + unit:20}{a:>12.4g}{b:>12.4g}")
     for title, score in (("start", found.start_score), ("best", found.best_score)):
         lines.append(
-            f"{what} by {surrogate.objective}, {title}: {score.value:,.4f} ± {score.se:.4f} "
+            f"{what}, {title}: {score.value:,.4f} ± {score.se:.4f} "
             f"[{score.low:,.4f}, {score.high:,.4f}]"
         )
     gain = found.improvement

@@ -83,16 +83,9 @@ def add_run(parser: argparse.ArgumentParser, trials: int = paper.TRIALS) -> None
         default=None,
         help=f"trials for each condition (default: {trials})",
     )
-    add(
-        "--max-steps",
-        type=whole,
-        default=None,
-        help="limit, steps of 0.001 s (default: the paper's: 600,000 on the wrist, 300,000 on the "
-        "arm, 180,000 for a stick)",
-    )
-    add("--seed", type=whole, default=None, help="trial i depends on (seed, i) alone (default: 0)")
+    add_experiment(parser)
     add("--engine", choices=ENGINES, default=None, help="how trials are run (default: auto)")
-    add_dt(parser)
+    add_dt(parser, "the engine's choice; the paper's is 0.001")
     add(
         "--precision",
         type=whole,
@@ -102,14 +95,27 @@ def add_run(parser: argparse.ArgumentParser, trials: int = paper.TRIALS) -> None
     )
 
 
-def add_dt(parser: argparse.ArgumentParser) -> None:
-    """The solver's step."""
+def add_experiment(parser: argparse.ArgumentParser) -> None:
+    """Flags that say which experiments trials are; None where they are not given."""
+    add = parser.add_argument
+    add(
+        "--max-steps",
+        type=whole,
+        default=None,
+        help="limit, steps of 0.001 s (default: the paper's: 600,000 on the wrist, 300,000 on the "
+        "arm, 180,000 for a stick)",
+    )
+    add("--seed", type=whole, default=None, help="trial i depends on (seed, i) alone (default: 0)")
+
+
+def add_dt(parser: argparse.ArgumentParser, default: str) -> None:
+    """The solver's step, and what it is unless given."""
     parser.add_argument(
         "--dt",
         type=number,
         default=None,
         metavar="SECONDS",
-        help="the solver's step (default: the engine's choice; the paper's is 0.001)",
+        help=f"the solver's step (default: {default})",
     )
 
 

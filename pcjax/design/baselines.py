@@ -12,10 +12,11 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 from tqdm import tqdm
 
 from pcjax.checks import check_between, check_count
-from pcjax.design.compare import compare
+from pcjax.design.compare import compare, score_all
 from pcjax.design.optimize import (
     Design,
     Optimum,
@@ -31,8 +32,25 @@ from pcjax.quality.surrogate import Surrogate
 _MOST_DESIGNS = 100_000
 """Of a grid."""
 
-_BATCH = 64
-"""Designs that run together."""
+
+def grid_lines(
+    space: DesignSpace, points: Sequence[int] | None = None
+) -> list[Float[np.ndarray, " points"]]:
+    """Values of each parameter, from bound to bound, whose combinations are a grid's designs.
+
+    Arguments:
+        space: of the designs.
+        points: along each parameter; 11 each unless given.
+
+    Raises:
+        ValueError: a grid too large.
+    """
+    points = [11] * len(space.free) if points is None else list(points)
+    for p, count in zip(space.free, points, strict=True):
+        check_count(f"grid points of {p.name}", count, 1, _MOST_DESIGNS)
+    total = int(np.prod(points))
+    check_count("designs on the grid", total, 1, _MOST_DESIGNS)
+    return [np.linspace(p.low, p.high, count) for p, count in zip(space.free, points, strict=True)]
 
 
 def search_grid(
@@ -55,32 +73,15 @@ def search_grid(
     Raises:
         ValueError: a grid too large, or without an allowed design.
     """
-    points = [11] * len(space.free) if points is None else list(points)
-    for p, count in zip(space.free, points, strict=True):
-        check_count(f"grid points of {p.name}", count, 1, _MOST_DESIGNS)
-    total = int(np.prod(points))
-    check_count("designs on the grid", total, 1, _MOST_DESIGNS)
-    lines = [np.linspace(p.low, p.high, count) for p, count in zip(space.free, points, strict=True)]
+    lines = grid_lines(space, points)
     designs = [np.array(at) for at in itertools.product(*lines)]
     allowed = [design for design in designs if space.allowed(design)]
     if not allowed:
         raise ValueError("no design on the grid is allowed: take more points, or other bounds")
     (start,) = starting_designs(space, 1, settings.seed)
-    began, logs, invalid = time.perf_counter(), [], 0
-    with tqdm(
-        total=len(allowed),
-        desc="grid",
-        unit="design",
-        disable=None if progress else True,
-        leave=False,
-    ) as bar:
-        for first in range(0, len(allowed), _BATCH):
-            some = allowed[first : first + _BATCH]
-            found = compare(surrogate, space, some, trials=surrogate.trials, seed=settings.seed)
-            logs += list(found.logs)
-            invalid += found.invalid
-            bar.update(len(some))
-    best = allowed[int(np.argmax(logs))]
+    began = time.perf_counter()
+    scores, invalid = score_all(surrogate, space, allowed, seed=settings.seed, progress=progress)
+    best = allowed[int(np.argmax([score.value for score in scores]))]
     spent = Progress(
         [],
         [],

@@ -8,12 +8,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from tqdm import tqdm
 
 from pcjax.design.space import DesignSpace
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate
 
 _Z95 = 1.959964
+
+_BATCH = 64
+"""Designs that run together."""
 
 
 @dataclass(frozen=True)
@@ -83,3 +87,34 @@ def compare(
         for log, error in zip(logs, errors, strict=True)
     ]
     return Comparison(scores, logs, covariance, trials, sample.invalid)
+
+
+def score_all(
+    surrogate: Surrogate,
+    space: DesignSpace,
+    designs: Sequence[Float[np.ndarray, " parameters"]],
+    *,
+    seed: int,
+    progress: bool = False,
+) -> tuple[list[Estimate], int]:
+    """The exact scores of any number of designs, `surrogate.trials` each; a bar if wanted.
+
+    Returns:
+        The scores, and how many trials went wrong and were left out.
+    """
+    scores: list[Estimate] = []
+    invalid = 0
+    with tqdm(
+        total=len(designs),
+        desc="designs",
+        unit="design",
+        disable=None if progress else True,
+        leave=False,
+    ) as bar:
+        for first in range(0, len(designs), _BATCH):
+            some = designs[first : first + _BATCH]
+            found = compare(surrogate, space, some, trials=surrogate.trials, seed=seed)
+            scores += found.scores
+            invalid += found.invalid
+            bar.update(len(some))
+    return scores, invalid

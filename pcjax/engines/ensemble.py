@@ -108,6 +108,11 @@ class Outcomes:
         )
 
 
+def paper_steps(seconds: Any) -> Any:
+    """In which of the paper's steps a time lies, counted from 1."""
+    return np.maximum(np.ceil(seconds / PAPER_DT - 1e-6), 1)
+
+
 def run(
     scenarios: Sequence[Scenario],
     *,
@@ -278,8 +283,8 @@ class _Ledger:
     def collect(self, lanes: Lanes, ran: np.ndarray) -> None:
         """Takes down which of the trials that `ran` in the last call have ended."""
         seconds = self._engine.seconds(lanes, self._period)
-        paper_steps = np.maximum(np.ceil(seconds / PAPER_DT - 1e-6), 1)
-        late = (lanes.status == PASSED) & (paper_steps > self._max_steps)
+        steps = paper_steps(seconds)
+        late = (lanes.status == PASSED) & (steps > self._max_steps)
         all_over = (lanes.period >= self.last_period) & (lanes.time >= self._period)
         out_of_time = (lanes.status == RUNNING) & all_over
         lanes.status[ran & (late | out_of_time)] = LIMIT
@@ -287,7 +292,7 @@ class _Ledger:
         where_to = lanes.condition[ended], lanes.trial[ended] - self._first
         with self._lock:
             self._outcomes.status[where_to] = lanes.status[ended]
-            self._outcomes.steps[where_to] = np.minimum(paper_steps[ended], self._max_steps)
+            self._outcomes.steps[where_to] = np.minimum(steps[ended], self._max_steps)
             if self._outcomes.watch is not None:
                 self._outcomes.watch[where_to] = lanes.more[ended, 2:]
             if self._outcomes.progress is not None:

@@ -102,7 +102,7 @@ class Stepping:
         _, states, progress = jax.lax.while_loop(unfinished, chunk, (zero, states, progress))
         return with_progress(with_states(lanes, states), progress)._replace(
             time=jnp.full_like(lanes.time, period),
-            lag=jax.vmap(_lag, in_axes=(0, axes, None))(worlds, states, dt),
+            lag=jax.vmap(lag_of, in_axes=(0, axes, None))(worlds, states, dt),
         )
 
 
@@ -116,7 +116,7 @@ def lane_axes(states: State) -> State:
     return replace(jax.tree.map(lambda _: 0, states), clock=None)
 
 
-def _lag(world: World, state: State, dt: Scalar) -> Scalar:
+def lag_of(world: World, state: State, dt: Scalar) -> Scalar:
     """Seconds since the goal line was crossed in the last step; 0 for one that did not pass."""
     speed = world.goal.beyond(state.position + state.velocity) - world.goal.beyond(state.position)
     lag = world.goal.beyond(state.position) / jnp.maximum(speed, 1e-12)

@@ -127,6 +127,11 @@ class WristTilt(eqx.Module):
             mean,
         )
 
+    def tilt(self, swing: Swing, time: Scalar) -> Vec:
+        """The angles (T1, T2) at a time of a period."""
+        share = jnp.minimum(time / self.ramp_time, 1.0)
+        return swing.start + (swing.target - swing.start) * share
+
     def top_speed(self, reach: float) -> float:
         """About the highest speed of an object in a hand of length `reach`, for plain numbers."""
         pull = float(self.gravity) * math.sqrt(2.0) * math.sin(float(self.amplitude))
@@ -136,8 +141,7 @@ class WristTilt(eqx.Module):
         return Vec(*(self.amplitude * (2.0 * draws[k] - 1.0) for k in (0, 1)))
 
     def _gravity_during(self, swing: Swing, time: Scalar) -> Vec:
-        share = jnp.minimum(time / self.ramp_time, 1.0)
-        return self._gravity_at(swing.start + (swing.target - swing.start) * share)
+        return self._gravity_at(self.tilt(swing, time))
 
     def _gravity_at(self, tilt: Vec) -> Vec:
         # (1), first two components

@@ -7,7 +7,10 @@ from itertools import pairwise
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
 
 from pcjax.checks import check_finite, check_positive
 from pcjax.planar import (
@@ -238,6 +241,16 @@ def two_joint_hand(
         raise ValueError(f"lengths has {len(lengths)} values: a finger has two limbs")
     finger, angles = (lengths[0], lengths[1]), (theta_1, theta_2)
     return HandDesign(palm_length, (finger, finger), (angles, angles))
+
+
+def points_of(hand: HandDesign) -> Float[np.ndarray, "points 2"]:
+    """A hand as one line, for plain numbers: from finger 1's tip along its joints to the palm's
+    left end, and from its right end along finger 2's joints to its tip; in 64 bits."""
+    with jax.enable_x64(True):
+        left, right = jax.device_get((hand.finger(0), hand.finger(1)))
+        row = [limb.end for limb in reversed(left)] + [left[0].start, right[0].start]
+        row += [limb.end for limb in right]
+        return np.array([[point.x, point.y] for point in row], float)
 
 
 def full_cage(gap: Any, diameter: Any) -> Any:

@@ -90,6 +90,10 @@ class Scenario(eqx.Module):
         x = side * (self.hand.palm_length / 2 - corner - draws[1] * spread)
         return Vec(x, self.body.radius + draws[2] * spread)
 
+    def corner_start(self) -> Vec:
+        """The start closest to the corner at the palm's right end."""
+        return self.start(jnp.array([0.9, 0.0, 0.0]))
+
     def _corner_inset(self, finger: int) -> Scalar:
         # The circle's centre lies on the bisector of the corner between palm and first limb.
         return self.body.radius * jnp.tan(self.hand.angles[finger][0] / 2)

@@ -1,23 +1,26 @@
-"""Pictures of an optimisation: the hands before and after, the history, the path over a map."""
+"""Pictures of designs: an optimisation's hands, history and path, and maps of the score."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
+from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle as Disc
+from matplotlib.patches import Patch
+from scipy.interpolate import NearestNDInterpolator
 
 from pcjax.design.compare import compare
 from pcjax.design.optimize import Optimum
+from pcjax.design.score_map import score_name, shapes
 from pcjax.design.space import DesignSpace
 from pcjax.model.body import Stick
+from pcjax.model.hand import points_of
 from pcjax.quality.surrogate import Surrogate
-from pcjax.viz.plots import COLOURS
+from pcjax.viz.shapes import COLOURS, draw_object
 
 _Z95 = 1.96
 _MAP = 11
@@ -46,27 +49,18 @@ def draw_hands(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrog
         (found.start, found.start_score, "0.6", "start"),
         (found.best, found.best_score, COLOURS[0], "best"),
     ):
-        hand = space.hand(design)
-        for k, limb in enumerate(jax.device_get(hand.limbs())):
-            label = f"{name}: {score.value:,.4g}" if k == 0 else None
-            axis.plot(
-                [limb.start.x, limb.end.x],
-                [limb.start.y, limb.end.y],
-                color=colour,
-                lw=2.2,
-                solid_capstyle="round",
-                label=label,
-            )
-    scenario = surrogate.task.scenarios(space.hand(found.best))[0]
-    centre = jax.device_get(scenario.start(jnp.array([0.9, 0.0, 0.0])))
-    radius, body = float(scenario.body.radius), scenario.body
-    if isinstance(body, Stick):
-        x, y = (radius * f(float(body.orientation)) for f in (math.cos, math.sin))
         axis.plot(
-            [centre.x - x, centre.x + x], [centre.y - y, centre.y + y], color=COLOURS[1], lw=3
+            *points_of(space.hand(design)).T,
+            color=colour,
+            lw=2.2,
+            solid_capstyle="round",
+            solid_joinstyle="round",
+            label=f"{name}: {score.value:,.4g}",
         )
-    else:
-        axis.add_patch(Disc((centre.x, centre.y), radius, color=COLOURS[1], alpha=0.7))
+    scenario = surrogate.task.scenarios(space.hand(found.best))[0]
+    centre, body = jax.device_get(scenario.corner_start()), scenario.body
+    angle = float(body.orientation) if isinstance(body, Stick) else None
+    draw_object(axis, (centre.x, centre.y), float(body.radius), angle)
     axis.set_aspect("equal")
     axis.margins(0.08)
     axis.set(xlabel="x [model length]", ylabel="y [model length]", title="hand")
@@ -108,11 +102,10 @@ def draw_history(axis: Axes, found: Optimum, surrogate: Surrogate) -> None:
             capsize=4,
             label="exact, unseen trials" if name == "start" else None,
         )
-    what = "DoEs / EoEn" if len(surrogate.task.directions) == 2 else "DoEs"
     gain = found.improvement
     axis.set(
         xlabel="iteration",
-        ylabel=f"{what} by {surrogate.objective}",
+        ylabel=score_name(surrogate),
         title=f"improvement {gain.value:.3g} [{gain.low:.3g}, {gain.high:.3g}]",
     )
     axis.grid(alpha=0.3)
@@ -126,19 +119,77 @@ def draw_map(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogat
     rough = replace(surrogate, contact_layer=0.0)
     logs = compare(rough, space, grid, trials=_MAP_TRIALS, seed=0).logs
     score = np.exp(logs).reshape(_MAP, _MAP)
-    filled = axis.contourf(xs, ys, score, 12, cmap="viridis")
-    axis.figure.colorbar(filled, ax=axis, label="exact score")
-    fine = [np.linspace(p.low, p.high, _FINE) for p in space.free]
-    designs = np.stack(np.meshgrid(*fine), axis=-1)
-    gaps = jax.jit(jax.vmap(jax.vmap(lambda design: space.hand(design).gap())))(designs)
-    allowed = [[space.allowed(np.array([x, y])) for x in fine[0][::8]] for y in fine[1][::8]]
-    if not np.all(allowed):
-        least = space.least_gap(1.0)
-        axis.contourf(*fine, gaps, [-1.0, least], colors="0.9")
-        axis.contour(*fine, gaps, [least], colors="0.3", linewidths=1)
+    _draw_score(axis, xs, ys, score, "exact score")
+    _draw_regions(axis, space, surrogate, space.least_gap(1.0), hatched=False)
     for n, steps in enumerate(found.progress.history):
         way = np.array([step.design for step in steps] + [found.candidates[n][0]])
         axis.plot(*way.T, ".-", color="white", lw=1, ms=5, mec="black", mew=0.4)
     axis.plot(*found.best, "*", color=COLOURS[1], ms=14, mec="white")
-    names = [p.name.replace("_", " ") + (" [deg]" if p.unit else "") for p in space.free]
-    axis.set(xlabel=names[0], ylabel=names[1], title="path; grey: not allowed")
+    axis.set(title="path; grey: not allowed")
+
+
+def plot_map(data: tuple[xr.Dataset, DesignSpace, Surrogate]) -> Figure:
+    """A map from `pcjax.score_map` with the current hand; hatched: hands without a score."""
+    dataset, space, surrogate = data
+    figure = Figure(figsize=(7.4, 5.6), layout="constrained")
+    axis = figure.subplots()
+    score = dataset.score.values
+    xs, ys = (dataset[p.label].values for p in space.free)
+    _draw_score(axis, xs, ys, score, score_name(surrogate))
+    handles = _draw_regions(axis, space, surrogate, space.width, hatched=True)
+    row, column = np.unravel_index(np.nanargmax(score), score.shape)
+    marks: list[tuple[Any, ...]] = [
+        ("best", xs[column], ys[row], "o", score[row, column], float(dataset.se[row, column]))
+    ]
+    attrs = dataset.attrs
+    if "current_score" in attrs:
+        at = (attrs[f"current_{p.label}"] for p in space.free)
+        marks.append(("current", *at, "*", attrs["current_score"], attrs["current_se"]))
+    for name, x, y, marker, value, se in marks:
+        label = f"{name} hand: {value:,.4g} ± {se:.2g}" if np.isfinite(value) else f"{name} hand"
+        style = {"mfc": COLOURS[1], "mec": "white", "ms": 15 if marker == "*" else 8}
+        handles += axis.plot(x, y, marker, ls="none", label=label, clip_on=False, **style)
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=9, frameon=False)
+    axis.set_title(
+        f"{attrs['hands']:,} hands, {attrs['trials']:,} trials a direction, limit "
+        f"{attrs['max_steps']:,} steps",
+        fontsize=10,
+    )
+    return figure
+
+
+def _draw_score(axis: Axes, xs: np.ndarray, ys: np.ndarray, score: np.ndarray, name: str) -> None:
+    filled = axis.contourf(xs, ys, _without_holes(score), 12, cmap="viridis")
+    axis.figure.colorbar(filled, ax=axis, label=name)
+    levels = list(filled.levels)[1:-1:2]
+    lines = axis.contour(xs, ys, score, levels, colors="white", linewidths=0.7)
+    axis.clabel(lines, fontsize=8)
+
+
+def _without_holes(values: np.ndarray) -> np.ndarray:
+    """Every NaN replaced by the nearest value, so that colours reach the edge of a region."""
+    there = np.isfinite(values)
+    nearest = NearestNDInterpolator(np.argwhere(there), values[there])
+    return nearest(*np.indices(values.shape))
+
+
+def _draw_regions(
+    axis: Axes, space: DesignSpace, surrogate: Surrogate, least: float, *, hatched: bool
+) -> list[Patch]:
+    """Covers the hands whose gap is below `least` and those that cannot be; names the axes."""
+    fine = [np.linspace(p.low, p.high, _FINE) for p in space.free]
+    gaps, possible = shapes(surrogate, space, np.stack(np.meshgrid(*fine), axis=-1))
+    handles = []
+    for values, edge, colour, hatch, label in (
+        (gaps, least, "0.9", "//", f"full cage: gap below {least:.4g}"),
+        (np.where(possible, 1.0, 0.0), 0.5, "0.75", "xx", "limbs cross, or no room for the object"),
+    ):
+        if not np.any(values < edge):
+            continue
+        hatches = [hatch if hatched else None]
+        axis.contourf(*fine, values, [-1.0, edge], colors=colour, hatches=hatches)
+        axis.contour(*fine, values, [edge], colors="0.3", linewidths=1)
+        handles.append(Patch(fc=colour, ec="0.3", hatch=hatch, label=label))
+    names = [p.name.replace("_", " ") + (f" [{p.unit}]" if p.unit else "") for p in space.free]
+    axis.set(xlabel=names[0], ylabel=names[1])
+    return handles

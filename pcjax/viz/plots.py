@@ -6,14 +6,13 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle as Disc
 
 from pcjax import paper
 from pcjax.figures import Curve, curve, score_curve
 from pcjax.results import NAMES, Evaluation, engines_text
+from pcjax.viz.shapes import COLOURS, draw_object
 
 _Z95 = 1.96
-COLOURS = ("#0072b2", "#d55e00", "#009e73")
 _DIRECTION_COLOUR = {"does": COLOURS[0], "eoen": COLOURS[1]}
 
 
@@ -38,15 +37,14 @@ def draw_hand(axis: Axes, evaluation: Evaluation, direction: str) -> None:
         axis.plot([x0, x1], [y0, y1], color="black", lw=2, solid_capstyle="round")
     ax, ay, bx, by = data.goal.values
     axis.plot([ax, bx], [ay, by], color=COLOURS[2], ls="--", lw=1.5, label="goal line")
-    colour = _DIRECTION_COLOUR[direction]
-    x, y = data.start.values
-    if "orientation" in evaluation.dataset.attrs:
-        angle = float(evaluation.dataset.attrs["orientation"])
-        along = radius * np.cos(angle), radius * np.sin(angle)
-        ends = [[c - half, c + half] for c, half in zip((x, y), along, strict=True)]
-        axis.plot(*ends, color=colour, lw=3, solid_capstyle="round", label="object")
-    else:
-        axis.add_patch(Disc((x, y), radius, color=colour, alpha=0.7)).set_label("object")
+    draw_object(
+        axis,
+        data.start.values,
+        radius,
+        evaluation.dataset.attrs.get("orientation"),
+        colour=_DIRECTION_COLOUR[direction],
+        label="object",
+    )
     x0, y0, x1, y1 = data.passage.values
     axis.annotate("", (x0, y0), (x1, y1), arrowprops={"arrowstyle": "<->", "color": "0.4"})
     axis.annotate(

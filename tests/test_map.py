@@ -1,0 +1,138 @@
+"""Maps of the score: what is scored, what is not, and that it is the exact score."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.collections import QuadMesh
+from matplotlib.contour import QuadContourSet
+
+import pcjax
+from pcjax.design.compare import compare
+from pcjax.design.score_map import shapes
+from pcjax.model.scenario import check_geometry
+
+CIRCLE = pcjax.Circle(25.0)
+HAND = pcjax.box_hand()
+
+
+def surrogate(body: pcjax.Circle | pcjax.Stick = CIRCLE) -> pcjax.Surrogate:
+    task = pcjax.Task(body, pcjax.WristTilt(), ("does", "eoen"), 20_000)
+    return pcjax.Surrogate(task, form="exact", trials=30)
+
+
+def space(
+    hand: pcjax.HandDesign = HAND, width: float = 50.0, **bounds: tuple[float, float]
+) -> pcjax.DesignSpace:
+    free = bounds or {"fingertip_angle": (-20.0, 70.0), "gap_width": (50.0, 200.0)}
+    return pcjax.design_space(hand, free, width, 0.0)
+
+
+def test_a_maps_scores_are_compares() -> None:
+    where = space()
+    data = pcjax.score_map(surrogate(), where, (4, 2), seed=5)
+    assert data.score.dims == ("gap_width", "fingertip_angle_deg")
+    designs = [np.array([10.0, 200.0]), np.array([-20.0, 50.0])]
+    found = compare(surrogate(), where, designs, trials=30, seed=5)
+    for (x, y), score in zip(designs, found.scores, strict=True):
+        at = data.sel(fingertip_angle_deg=x, gap_width=y)
+        assert float(at.score) == pytest.approx(score.value, rel=1e-9)
+        assert float(at.se) == pytest.approx(score.se, rel=1e-9)
+    # The base hand is on the grid, and told by itself as well.
+    assert data.attrs["current_score"] == pytest.approx(found.scores[0].value, rel=1e-9)
+    counted = pcjax.evaluate(HAND, CIRCLE, trials=30, max_steps=20_000, seed=5)
+    assert found.scores[0].value == pytest.approx(counted.score()["index1"].value, rel=1e-6)
+
+
+def test_hands_without_a_score_are_those_that_are_closed_or_cannot_be() -> None:
+    where = space(fingertip_angle=(-20.0, 80.0), gap_width=(30.0, 230.0))
+    data = pcjax.score_map(surrogate(), where, (5, 5))
+    for x in data.fingertip_angle_deg.values:
+        for y in data.gap_width.values:
+            at = data.sel(fingertip_angle_deg=x, gap_width=y)
+            hand = pcjax.box_hand(math.radians(x), gap_width=y)
+            try:
+                gap, _ = (check_geometry(make(hand, CIRCLE)) for make in (pcjax.does, pcjax.eoen))
+            except ValueError:
+                assert not at.possible
+                assert np.isnan(at.score)
+                continue
+            assert at.possible
+            assert float(at.gap) == pytest.approx(gap, rel=1e-9)
+            # Tips that tilt inwards by t leave W_g - 2 L_g sin t.
+            expected = min(y, y - 200 * math.sin(math.radians(x)))
+            assert float(at.gap) == pytest.approx(expected, abs=1e-6)
+            assert bool(at.full_cage) == (gap < 50 * (1 - 1e-9)) == bool(np.isnan(at.score))
+    assert data.full_cage.any()
+    assert not data.possible.all()
+    assert data.attrs["hands"] == int(np.isfinite(data.score).sum())
+
+
+def test_the_hatched_region_ends_where_the_gap_is_the_objects_width() -> None:
+    where, exact = space(), surrogate()
+    figure = pcjax.plot_map((pcjax.score_map(exact, where, (4, 3)), where, exact))
+    axis = figure.axes[0]
+    regions = [
+        found
+        for found in axis.collections
+        if isinstance(found, QuadContourSet) and found.filled and any(found.hatches)
+    ]
+    assert len(regions) == 2
+    assert not any(isinstance(found, QuadMesh) for found in axis.collections)
+    edges = [
+        found
+        for found in axis.collections
+        if isinstance(found, QuadContourSet) and not found.filled and len(found.levels) == 1
+    ]
+    (edge,) = (found for found in edges if found.levels[0] == 50)
+    corners = np.concatenate([path.vertices for path in edge.get_paths()])
+    gaps, possible = shapes(exact, where, corners)
+    np.testing.assert_allclose(gaps[possible], 50.0, atol=0.1)
+    # A point of the hatched region is closed, one beyond its edge is open.
+    inside = regions[0].get_paths()[0]
+    for design, closed in (([0.0, 51.0], False), ([20.0, 110.0], True), ([20.0, 125.0], False)):
+        assert inside.contains_point(design) is closed
+        assert (float(shapes(exact, where, np.array(design))[0]) < 50) is closed
+
+
+def test_a_current_hand_that_is_not_on_the_map_is_not_marked() -> None:
+    own = pcjax.HandDesign(
+        400.0, ((350.0, 120.0, 80.0), (300.0, 100.0, 60.0)), ((1.4, 1.66, 1.3), (1.48, 1.66, 1.05))
+    )
+    exact = replace(surrogate(pcjax.Circle(20.0)), trials=4)
+    for bounds, marked in (
+        ({"fingertip_angle": (0.0, 30.0), "fingertip_length_1": (50.0, 100.0)}, False),
+        ({"fingertip_angle_1": (0.0, 30.0), "fingertip_length_2": (50.0, 100.0)}, True),
+        ({"fingertip_angle_1": (0.0, 10.0), "fingertip_length_2": (50.0, 100.0)}, False),
+    ):
+        where = space(own, 40.0, **bounds)
+        data = pcjax.score_map(exact, where, (2, 2))
+        assert ("current_score" in data.attrs) is marked
+        figure = pcjax.plot_map((data, where, exact))
+        assert any(line.get_marker() == "*" for line in figure.axes[0].lines) is marked
+
+
+def test_a_stick_is_never_in_a_full_cage() -> None:
+    stick = pcjax.Stick(25.0)
+    where = space(width=float(stick.width))
+    gaps, possible = shapes(surrogate(stick), where, np.array([[10.0, 200.0], [0.0, 10.0]]))
+    assert possible.all()
+    assert (gaps > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("bounds", "points", "words"),
+    [
+        ({"gap_width": (100.0, 200.0)}, (3,), "two free parameters"),
+        ({"gap_width": (100.0, 200.0), "fingertip_angle": (0.0, 9.0)}, (1, 3), "gap_width is 1"),
+        ({"gap_width": (10.0, 40.0), "fingertip_angle": (0.0, 9.0)}, (2, 2), "no hand on the map"),
+    ],
+)
+def test_what_cannot_be_mapped_is_refused(
+    bounds: dict[str, tuple[float, float]], points: tuple[int, ...], words: str
+) -> None:
+    with pytest.raises(ValueError, match=words):
+        pcjax.score_map(surrogate(), space(**bounds), points)
