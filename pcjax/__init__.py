@@ -5,9 +5,9 @@ from pcjax.design.space import DesignSpace, design_space
 from pcjax.engines.stepping import trajectory
 from pcjax.evaluate import evaluate
 from pcjax.model.arm import PlanarArm
-from pcjax.model.body import Circle, Stick
+from pcjax.model.body import Body, Circle, Stick
 from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import WristTilt
+from pcjax.model.drive import Drive, WristTilt
 from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.step import State, step
@@ -17,10 +17,12 @@ from pcjax.quality.surrogate import Surrogate, Task
 from pcjax.results import Evaluation
 
 __all__ = [
+    "Body",
     "Circle",
     "ContactLaw",
     "DesignSpace",
     "Differences",
+    "Drive",
     "Estimate",
     "Evaluation",
     "HandDesign",

@@ -17,9 +17,9 @@ from pcjax.engines.ensemble import LIMIT, STATUS_NAMES, Outcomes, run
 from pcjax.engines.lanes import Engine
 from pcjax.model.body import Body, Circle, Stick
 from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import WristTilt
+from pcjax.model.drive import Drive, WristTilt
 from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
-from pcjax.model.scenario import DIRECTIONS, Drive, Scenario, check_geometry
+from pcjax.model.scenario import DIRECTIONS, Scenario, check_geometry
 from pcjax.physics.step import INVALID, PAPER_DT
 from pcjax.results import WATCHED, Evaluation, parameters, provenance
 
@@ -231,7 +231,7 @@ def _run_each(
     scenarios: Sequence[Scenario], engines: Sequence[Engine], **settings: Any
 ) -> Outcomes:
     """The outcomes of each scenario by its own engine; those with equal engines share a batch."""
-    watched = isinstance(scenarios[0].body, Stick)
+    watched = scenarios[0].body.turns
     outcomes = Outcomes.blank(
         len(scenarios), settings["trials"], settings["max_steps"], watched=watched
     )

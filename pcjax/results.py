@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import datetime
 import json
 import math
@@ -60,8 +61,9 @@ def parameters(scenario: Scenario) -> dict[str, float]:
     """Every number of a scenario by name, for instance `hand.angles[0][2]`."""
     leaves, _ = jax.tree_util.tree_flatten_with_path(scenario)
     numbers = {jax.tree_util.keystr(path).lstrip("."): float(leaf) for path, leaf in leaves}
-    drive = scenario.drive
-    return numbers | {"drive.period": drive.period, "drive.ramp_time": drive.ramp_time}
+    drive: Any = scenario.drive
+    fixed = [f.name for f in dataclasses.fields(drive) if f.metadata.get("static")]
+    return numbers | {f"drive.{name}": getattr(drive, name) for name in fixed}
 
 
 def provenance(run: Mapping[str, Any]) -> dict[str, Any]:

@@ -13,11 +13,10 @@ from typing import Any
 from pcjax import paper
 from pcjax.checks import did_you_mean
 from pcjax.model.arm import PlanarArm
-from pcjax.model.body import Body, Circle, Stick
+from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
 from pcjax.model.hand import HandDesign
-from pcjax.model.scenario import Drive
 
 
 @dataclass(frozen=True)
@@ -25,8 +24,8 @@ class Study:
     """A hand, its object, its drive and the contact law."""
 
     hand: HandDesign
-    body: Body
-    drive: Drive
+    body: Circle | Stick
+    drive: WristTilt | PlanarArm
     law: ContactLaw
 
     def to_toml(self) -> str:

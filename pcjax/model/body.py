@@ -2,10 +2,33 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import equinox as eqx
 
 from pcjax.checks import check_finite, check_positive
 from pcjax.planar import Scalar
+
+
+class Body(Protocol):
+    """What an object tells about itself. How it moves is in `pcjax.physics.step.move_body`.
+
+    Attributes:
+        radius: r_o of the circle in which it starts: that circle touches palm and first limb. Also
+            the size that a step must not exceed, a length.
+        width: the narrowest gap that it fits through, a length.
+        turns: whether its angle is part of the state. Its `orientation` is then the angle from the
+            palm at the start of a trial, radians.
+    """
+
+    @property
+    def radius(self) -> Scalar: ...
+
+    @property
+    def width(self) -> Scalar: ...
+
+    @property
+    def turns(self) -> bool: ...
 
 
 class Circle(eqx.Module):
@@ -17,6 +40,8 @@ class Circle(eqx.Module):
 
     radius: Scalar
     mass: Scalar
+
+    turns = False
 
     def __init__(self, radius: Scalar, mass: Scalar = 1.0):
         check_positive("radius", radius)
@@ -55,6 +80,8 @@ class Stick(eqx.Module):
     orientation: Scalar
     mass: Scalar
 
+    turns = True
+
     def __init__(self, half_length: Scalar, orientation: Scalar = 0.0, mass: Scalar = 1.0):
         check_positive("half_length", half_length)
         check_finite("orientation", orientation)
@@ -82,7 +109,3 @@ class Stick(eqx.Module):
     def width(self) -> Scalar:
         """The narrowest gap that it fits through: any, endwise."""
         return 0.0 * self.half_length
-
-
-Body = Circle | Stick
-"""What the hand can hold."""

@@ -11,15 +11,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from pcjax.checks import check_between
-from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Body, Stick
 from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import WristTilt
+from pcjax.model.drive import Drive, WristTilt
 from pcjax.model.hand import Goal, HandDesign
 from pcjax.planar import Flag, Scalar, Segment, T, Vec
-
-Drive = WristTilt | PlanarArm
-"""What can move the hand."""
 
 
 class World(eqx.Module):

@@ -42,8 +42,9 @@ from pcjax.engines.relaxation import Layer, relaxed_survival
 from pcjax.engines.stepping import Stepping
 from pcjax.model.body import Body, Circle
 from pcjax.model.contact_law import ContactLaw
+from pcjax.model.drive import Drive
 from pcjax.model.hand import HandDesign
-from pcjax.model.scenario import DIRECTIONS, Drive, Scenario
+from pcjax.model.scenario import DIRECTIONS, Scenario
 from pcjax.physics.step import INVALID, PAPER_DT
 from pcjax.planar import Scalar
 
@@ -320,7 +321,7 @@ class Surrogate:
             jnp.repeat(jnp.arange(count, dtype=jnp.int32), len(trials)),
             jnp.tile(trials, count),
             np.dtype(jnp.result_type(float)).type,
-            0 if isinstance(self.task.body, Circle) else 5,
+            5 if self.task.body.turns else 0,
         )
         lanes = roll(engine, stacked, seed, self.periods, lanes)
         widths = _layer_widths(stacked, self.goal_layer)
