@@ -15,6 +15,7 @@ from pcjax.quality.gradients import Differences, Mixture, Pathwise, differentiab
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate, Task
 from pcjax.results import Evaluation
+from pcjax.study import Study, load_study
 
 __all__ = [
     "Body",
@@ -34,6 +35,7 @@ __all__ = [
     "Settings",
     "State",
     "Stick",
+    "Study",
     "Surrogate",
     "Task",
     "WristTilt",
@@ -43,6 +45,7 @@ __all__ = [
     "does",
     "eoen",
     "evaluate",
+    "load_study",
     "optimize",
     "step",
     "trajectory",

@@ -74,10 +74,10 @@ def evaluate(
         ValueError: a number or name out of range, limbs that cross, an object that does not fit
             at its start, or EoEn of a hand that has none.
 
-    Example:
+    Examples:
         >>> import pcjax
-        >>> result = pcjax.evaluate(pcjax.box_hand(0.17), trials=200, max_steps=50_000)
-        >>> result.score()["index1"].value > 1
+        >>> result = pcjax.evaluate(pcjax.box_hand(0.17), trials=64, max_steps=20_000)
+        >>> 0 < result.indices("does")["index1"].value <= 20_000
         True
     """
     drive = WristTilt() if drive is None else drive
@@ -146,6 +146,15 @@ def evaluate_grid(
 
     Raises:
         ValueError: see `evaluate`.
+
+    Examples:
+        >>> import pcjax
+        >>> from pcjax.evaluate import evaluate_grid
+        >>> radii = [10.0, 25.0]
+        >>> scenarios = [pcjax.does(pcjax.box_hand(), pcjax.Circle(radius)) for radius in radii]
+        >>> data = evaluate_grid(scenarios, {"radius": radii}, trials=64, max_steps=20_000)
+        >>> data.index1.dims, data.radius.values.tolist()
+        (('condition',), [10.0, 25.0])
     """
     check_count("trials", trials, 2, 2**31 - 1)
     gaps = [check_geometry(scenario) for scenario in scenarios]

@@ -132,6 +132,16 @@ class Evaluation:
 
     Prints as a table. `dataset` holds everything: the escape step and status of every trial, the
     limbs and goal lines, and in its attributes how it was made.
+
+    Examples:
+        >>> import pcjax
+        >>> result = pcjax.evaluate(pcjax.box_hand(0.17), trials=64, max_steps=20_000)
+        >>> result.directions
+        ['does', 'eoen']
+        >>> sum(result.status("does").values())
+        64
+        >>> result.to_xarray().index1.dims
+        ('direction', 'statistic')
     """
 
     def __init__(self, dataset: xr.Dataset):

@@ -68,6 +68,23 @@ def load_study(path: str | os.PathLike[str]) -> Study:
 
     Raises:
         ValueError: no such file, no TOML, an unknown or missing key, or a value that does not do.
+
+    Examples:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> import pcjax
+        >>> text = '''
+        ... [hand]
+        ... palm_length = 400
+        ... lengths = [[350, 120, 90], [300, 140, 60]]
+        ... angles_deg = [[90, 90, 75], [80, 95, 50]]
+        ... '''
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = Path(folder) / "own.toml"
+        ...     _ = path.write_text(text)
+        ...     study = pcjax.load_study(path)
+        >>> study.body.radius  # 0.05 L_p unless said
+        20.0
     """
     path = Path(path)
     try:

@@ -34,8 +34,20 @@ class Body(Protocol):
 class Circle(eqx.Module):
     """A circle of radius r_o. Its mass M_o cancels from the indices; it is kept for energies.
 
+    Arguments:
+        radius: r_o, a length.
+        mass: M_o.
+
     Raises:
         ValueError: a radius or mass that is not a positive number.
+
+    Examples:
+        >>> import pcjax
+        >>> pcjax.Circle(25.0).width
+        50.0
+        >>> pcjax.Circle(-1)
+        Traceback (most recent call last):
+        ValueError: radius is -1: it has to be above 0
     """
 
     radius: Scalar
@@ -74,6 +86,12 @@ class Stick(eqx.Module):
     Raises:
         ValueError: a half length or mass that is not a positive number, or an orientation that is
             not finite.
+
+    Examples:
+        >>> import math, pcjax
+        >>> stick = pcjax.Stick(50.0, orientation=math.radians(45))
+        >>> round(stick.inertia, 1)
+        833.3
     """
 
     half_length: Scalar

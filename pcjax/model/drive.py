@@ -96,6 +96,15 @@ class WristTilt(eqx.Module):
     Raises:
         ValueError: an amplitude outside [0, pi/2], a ramp longer than the period, a period that
             is not positive, or gravity that is not a finite number of at least 0.
+
+    Examples:
+        Tilted to T1 = amplitude and T2 = 0, gravity along the palm is g sin(T1):
+
+        >>> import math, jax.numpy as jnp, pcjax
+        >>> drive = pcjax.WristTilt(amplitude=math.radians(30))
+        >>> swing = drive.swing(jnp.zeros(2), jnp.array([1.0, 0.5]), first=True)
+        >>> print(f"{swing.held.x:.2f} {abs(swing.held.y):.2f}")
+        4.90 0.00
     """
 
     amplitude: Scalar

@@ -95,6 +95,17 @@ def step(scenario: Scenario, swing: Any, state: State, dt: Scalar = PAPER_DT) ->
         swing: the drive's motion in the current period, from `scenario.drive.swing`.
         state: the state before.
         dt: the step, s.
+
+    Examples:
+        Gravity along the palm, T1 = 30 degrees, from rest: v = g sin(T1) t.
+
+        >>> import jax.numpy as jnp, pcjax
+        >>> from pcjax.physics.step import begin
+        >>> scenario = pcjax.does(pcjax.box_hand(), pcjax.Circle(25.0))
+        >>> swing = scenario.drive.swing(jnp.array([1.0, 0.5]), jnp.array([1.0, 0.5]), first=False)
+        >>> state = begin(scenario, jnp.array([0.2, 0.5, 0.5]))
+        >>> print(f"{pcjax.step(scenario, swing, state, 0.01).velocity.x:.4f}")
+        0.0490
     """
     return advance(scenario.world(), swing, state, dt)
 

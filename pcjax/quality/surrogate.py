@@ -72,6 +72,12 @@ class Task:
         max_steps: limit in steps of 0.001 s.
         law: contact law.
         start_spread: of the starts, in palm lengths.
+
+    Examples:
+        >>> import pcjax
+        >>> task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 600_000)
+        >>> len(task.scenarios(pcjax.box_hand()))
+        2
     """
 
     body: Body
@@ -126,6 +132,16 @@ class Surrogate:
     Raises:
         ValueError: an unknown name, a number out of range, a limit that is not a whole number of
             periods, or a cloud of sticks.
+
+    Examples:
+        >>> import pcjax
+        >>> task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 20_000)
+        >>> surrogate = pcjax.Surrogate(task, trials=32)
+        >>> surrogate.periods
+        2
+        >>> sample = surrogate.sample([pcjax.box_hand(0.1), pcjax.box_hand(0.2)], seed=0)
+        >>> sample.values.shape  # hands, directions, (seconds held, survival), trials
+        (2, 2, 2, 32)
     """
 
     task: Task
