@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from pcjax.design.compare import compare
 from pcjax.design.optimize import Settings, Step, at_rest, optimize, starting_designs
-from pcjax.design.space import DesignSpace, design_space
+from pcjax.design.space import DesignSpace, design_space, nearest_within
 from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
@@ -81,6 +81,73 @@ def test_the_nearest_allowed_design_is_allowed_and_near(angle: float, length: fl
     if space.low[0] <= angle <= space.high[0] and space.low[1] <= length <= space.high[1]:
         # On the constraint's edge, not somewhere behind it.
         assert space.allowed(design) or gap < 75
+
+
+def test_the_nearest_point_within_edges_is_a_projection() -> None:
+    """Against brute force: no other allowed point is nearer."""
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        normals = rng.standard_normal((5, 3))
+        room = rng.uniform(0.0, 1.0, 5)
+        point = 3 * rng.standard_normal(3)
+        found = nearest_within(point, normals, room)
+        assert found is not None
+        assert np.all(normals @ found <= room + 1e-9)
+        others = found + rng.standard_normal((4000, 3)) * rng.uniform(0, 1, (4000, 1))
+        others = others[np.all(others @ normals.T <= room, axis=1)]
+        assert len(others) > 0
+        nearest = np.linalg.norm(others - point, axis=1).min()
+        assert nearest >= np.linalg.norm(found - point) - 1e-9
+    both = np.array([[1.0, 0.0], [-1.0, 0.0]])
+    assert nearest_within(np.zeros(2), both, np.array([-1.0, -1.0])) is None
+
+
+def test_on_an_edge_the_way_uphill_goes_along_it() -> None:
+    space = tips()
+    inside = np.array([10.0, 100.0])
+    way = np.array([1.0, 1.0])
+    np.testing.assert_array_equal(space.along_edges(inside, way, 0.4), way)
+    # The clearance's edge: 200 - 2 L sin(theta) = 70.
+    angle = math.radians(30)
+    edge = space.nearest_allowed(np.array([30.0, 65 / math.sin(angle) + 1e-6]))
+    normal = np.array([130 / math.tan(angle) * 10 * math.pi / 180, 2 * math.sin(angle) * 50])
+    left = space.along_edges(edge, way, 0.4)
+    expected = way - normal * (way @ normal) / (normal @ normal)
+    np.testing.assert_allclose(left, expected, atol=1e-3)
+    np.testing.assert_array_equal(space.along_edges(edge, -way, 0.4), -way)
+    # In the corner of that edge and the longest tip there is no way on.
+    corner = np.array([math.degrees(math.asin(65 / 175)), 175.0])
+    np.testing.assert_allclose(space.along_edges(corner, np.array([0.1, 1.0]), 0.4), 0, atol=1e-4)
+
+
+def test_linear_limits_are_kept() -> None:
+    free = ["fingertip_angle", "fingertip_length", "gap_width"]
+    text = "2 fingertip-length - 0.5 * gap_width >= 50"
+    space = design_space(BOX, free, 50.0, 20.0, [text, "fingertip_angle+fingertip_length<=120"])
+    np.testing.assert_array_equal(space.limits[0].coefficients, [0.0, -2.0, 0.5])
+    assert space.limits[0].most == -50
+    rng = np.random.default_rng(0)
+    for design in rng.uniform(space.low, space.high, (40, 3)):
+        angle, length, gap = space.nearest_allowed(design)
+        assert 2 * length - 0.5 * gap >= 50 - 1e-6
+        assert angle + length <= 120 + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("gap_width", "cannot be read"),
+        ("gap_width <= wide", "cannot be read"),
+        ("gap_width 3 <= 5", "cannot be read at '3'"),
+        ("gap_widht <= 5", "did you mean gap_width"),
+        ("fingertip_length <= 5", "is not free"),
+        ("gap_width - gap_width <= 5", "limits nothing"),
+        ("gap_width <= inf", "finite"),
+    ],
+)
+def test_bad_limits_are_refused(text: str, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        design_space(BOX, ["gap_width"], 50.0, limits=[text])
 
 
 def test_moves_keep_to_the_scales() -> None:

@@ -12,6 +12,7 @@ from typing import Any
 
 from pcjax.cli.condition import add_condition, condition
 from pcjax.cli.parts import (
+    add_dt,
     check_picture,
     check_writable,
     number,
@@ -63,6 +64,13 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
         help="the least that the gap has to be wider than the object (default: 0.04 L_p)",
     )
     add(
+        "--limit",
+        action="append",
+        default=[],
+        metavar="TEXT",
+        help="a linear limit, such as 'fingertip-length + 0.5 gap-width <= 200'; again for more",
+    )
+    add(
         "--objective",
         choices=OBJECTIVES,
         default="index1",
@@ -93,6 +101,7 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
         help="limit, steps of 0.001 s (default: the paper's)",
     )
     add("--seed", type=whole, default=0, help="of everything")
+    add_dt(parser)
     add("--json", action="store_true", help="print one JSON object on stdout, nothing else")
     add("--out", type=Path, default=None, metavar="FILE", help="keep the hand as a study file")
     add("--plot", type=Path, default=None, metavar="FILE", help="draw hands, history and map")
@@ -132,7 +141,9 @@ def _run(arguments: argparse.Namespace) -> None:
     for name in names:
         if names.count(name) > 1:
             raise ValueError(f"--free {name} is there twice")
-    space = design_space(study.hand, dict(free), float(study.body.width), arguments.clearance)
+    space = design_space(
+        study.hand, dict(free), float(study.body.width), arguments.clearance, arguments.limit
+    )
     task = Task(
         study.body,
         study.drive,
@@ -148,6 +159,7 @@ def _run(arguments: argparse.Namespace) -> None:
         objective=arguments.objective,
         form=arguments.form,
         trials=arguments.trials,
+        dt=arguments.dt,
         contact_layer=_COMPLIANT if compliant else 0.0,
     )
     settings = Settings(
@@ -197,6 +209,7 @@ def as_json(found: Optimum, space: DesignSpace, seconds: float) -> dict[str, Any
         "improvement": asdict(found.improvement),
         "iterations": found.progress.iteration,
         "trials": found.trials,
+        "invalid": found.invalid,
         "wall_seconds": seconds,
     }
 
@@ -222,6 +235,11 @@ def as_text(found: Optimum, space: DesignSpace, surrogate: Surrogate, seconds: f
     for design, score in found.candidates if len(found.candidates) > 1 else []:
         lines.append(f"  a start ended at {space.describe(design)}: {score.value:,.4f}")
     rounds = f"{found.progress.iteration} iterations, " if found.progress.history else ""
+    if found.invalid:
+        lines.append(
+            f"{found.invalid:,} trials went wrong with some hand and were left out of all its "
+            "comparisons: try a smaller --dt"
+        )
     stop = "interrupted after " if found.interrupted else ""
     lines.append(f"{stop}{rounds}{found.trials:,} trials, {seconds:.1f} s")
     return "\n".join(lines)

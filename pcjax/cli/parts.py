@@ -85,14 +85,19 @@ def add_run(parser: argparse.ArgumentParser, trials: int, precision: int = 32) -
     )
     add("--seed", type=whole, default=0, help="trial i depends on (seed, i) alone")
     add("--engine", choices=ENGINES, default="auto", help="how trials are run")
-    add(
+    add_dt(parser)
+    add("--precision", type=whole, choices=(32, 64), default=precision, help="bits of a number")
+
+
+def add_dt(parser: argparse.ArgumentParser) -> None:
+    """The solver's step."""
+    parser.add_argument(
         "--dt",
         type=number,
         default=None,
         metavar="SECONDS",
         help="the solver's step (default: the engine's choice; the paper's is 0.001)",
     )
-    add("--precision", type=whole, choices=(32, 64), default=precision, help="bits of a number")
 
 
 def run_settings(arguments: argparse.Namespace) -> dict[str, Any]:

@@ -65,7 +65,7 @@ def search_grid(
     if not allowed:
         raise ValueError("no design on the grid is allowed: take more points, or other bounds")
     (start,) = starting_designs(space, 1, settings.seed)
-    began, logs = time.perf_counter(), []
+    began, logs, invalid = time.perf_counter(), [], 0
     with tqdm(
         total=len(allowed),
         desc="grid",
@@ -77,6 +77,7 @@ def search_grid(
             some = allowed[first : first + _BATCH]
             found = compare(surrogate, space, some, trials=surrogate.trials, seed=settings.seed)
             logs += list(found.logs)
+            invalid += found.invalid
             bar.update(len(some))
     best = allowed[int(np.argmax(logs))]
     spent = Progress(
@@ -85,6 +86,7 @@ def search_grid(
         [],
         len(allowed) * surrogate.trials * len(surrogate.task.directions),
         time.perf_counter() - began,
+        invalid,
     )
     return accept([best], spent, start, surrogate, space, settings)
 
@@ -126,7 +128,7 @@ def search_cma(
         bounds=np.stack([space.low, space.high], axis=1) / space.scales[:, None],
         seed=settings.seed,
     )
-    began, trials = time.perf_counter(), 0
+    began, trials, invalid = time.perf_counter(), 0, 0
     bar = tqdm(
         total=settings.iterations,
         desc="CMA-ES",
@@ -148,6 +150,7 @@ def search_cma(
                     seed=settings.seed + generation,
                 )
                 trials += len(designs) * surrogate.trials * len(surrogate.task.directions)
+                invalid += found.invalid
                 search.tell(
                     [(d / space.scales, -v) for d, v in zip(designs, found.logs, strict=True)]
                 )
@@ -157,5 +160,5 @@ def search_cma(
         except KeyboardInterrupt:
             interrupted = True
     end: Design = space.nearest_allowed(search.mean * space.scales, start)
-    spent = Progress([], [], [], trials, time.perf_counter() - began)
+    spent = Progress([], [], [], trials, time.perf_counter() - began, invalid)
     return accept([end], spent, start, surrogate, space, settings, interrupted=interrupted)

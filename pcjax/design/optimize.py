@@ -105,6 +105,7 @@ class Progress:
         designs: where each start is now.
         state: optax's numbers for each start.
         trials, seconds: spent so far.
+        invalid: trials that went wrong, and were left out.
         stopped: which starts have come to rest.
     """
 
@@ -113,6 +114,7 @@ class Progress:
     state: list[list[Any]]
     trials: int = 0
     seconds: float = 0.0
+    invalid: int = 0
     stopped: list[bool] = field(default_factory=list)
 
     @property
@@ -132,6 +134,7 @@ class Optimum:
         candidates: where each start ended, and its exact score on the trials of the choice.
         progress: the whole history.
         trials: simulated in all.
+        invalid: how many of them went wrong, and were left out.
         interrupted: whether it was stopped before its end.
     """
 
@@ -143,6 +146,7 @@ class Optimum:
     candidates: list[tuple[Design, Estimate]]
     progress: Progress
     trials: int
+    invalid: int
     interrupted: bool
 
     @property
@@ -274,7 +278,7 @@ def _iterate(
 ) -> Progress:
     """The state after one more iteration of every start that still moves."""
     began = time.perf_counter()
-    k, trials = state.iteration, state.trials
+    k, trials, invalid = state.iteration, state.trials, state.invalid
     going = [n for n, stopped in enumerate(state.stopped) if not stopped]
     at = [np.array(state.designs[n]) for n in going]
     look = _looking_wide(estimator, settings, k)
@@ -289,6 +293,9 @@ def _iterate(
             seed=settings.seed + _CHECKPOINT,
         )
         trials += exact.trials * len(at) * len(surrogate.task.directions)
+        invalid += exact.invalid
+    invalid += max(gradient.invalid for gradient in found)  # of a batch that shares its trials
+    reach = max(float(np.asarray(_rate(settings)(k))), 0.01)
     history = [list(steps) for steps in state.history]
     designs, numbers, stopped = list(state.designs), list(state.state), list(state.stopped)
     for place, (n, design, gradient) in enumerate(zip(going, at, found, strict=True)):
@@ -296,22 +303,24 @@ def _iterate(
         if exact is not None:
             step.exact, step.exact_se = exact.scores[place].value, exact.scores[place].se
         history[n].append(step)
-        designs[n], numbers[n] = _moved(rule, space, design, gradient, numbers[n])
+        way = gradient.gradient * space.scales
+        # Else most of a step is taken back on an edge, and Adam remembers what was never done.
+        way = space.along_edges(design, way, reach)
+        designs[n], numbers[n] = _moved(rule, space, design, way, numbers[n])
         stopped[n] = at_rest(history[n], space.scales)
         trials += gradient.trials
-    return Progress(
-        history, designs, numbers, trials, state.seconds + time.perf_counter() - began, stopped
-    )
+    seconds = state.seconds + time.perf_counter() - began
+    return Progress(history, designs, numbers, trials, seconds, invalid, stopped)
 
 
 def _moved(
     rule: optax.GradientTransformation,
     space: DesignSpace,
     design: Design,
-    gradient: Gradient,
+    way: Design,
     numbers: list[Any],
 ) -> tuple[list[float], list[Any]]:
-    """The next design and optax's state, by a step uphill in the parameters' scales."""
+    """The next design and optax's state, by a step on the way uphill, in the parameters' scales."""
     like = rule.init(jnp.zeros(len(design)))
     state = jax.tree.unflatten(
         jax.tree.structure(like),
@@ -320,8 +329,7 @@ def _moved(
             for n, leaf in zip(numbers, jax.tree.leaves(like), strict=True)
         ],
     )
-    downhill = jnp.asarray(-gradient.gradient * space.scales)
-    updates, state = rule.update(downhill, state)
+    updates, state = rule.update(jnp.asarray(-way), state)
     moved = space.nearest_allowed(design + np.asarray(updates) * space.scales, design)
     return list(map(float, moved)), _numbers(state)
 
@@ -387,6 +395,7 @@ def accept(
         list(zip(ends, choice.scores, strict=True)),
         state,
         state.trials + (len(ends) + 2) * settings.accept_trials * len(surrogate.task.directions),
+        state.invalid + choice.invalid + final.invalid,
         interrupted,
     )
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import jax
 import numpy as np
 from jaxtyping import Array, Float
+from scipy.optimize import nnls
 
 from pcjax.checks import check_between, check_finite, did_you_mean
 from pcjax.model.hand import HandDesign
@@ -172,6 +173,85 @@ def parameter(
 
 
 @dataclass(frozen=True)
+class Limit:
+    """A linear limit: the sum of coefficients times parameters is at most a number.
+
+    Attributes:
+        text: as it was given.
+        coefficients: of each free parameter.
+        most: the number.
+    """
+
+    text: str
+    coefficients: Float[np.ndarray, " parameters"]
+    most: float
+
+    def __repr__(self) -> str:
+        return f"Limit({self.text!r})"
+
+
+def linear_limit(text: str, free: Sequence[Parameter]) -> Limit:
+    """A limit as text, for instance "fingertip_length + 0.5 gap_width <= 200".
+
+    Arguments:
+        text: terms of parameters with coefficients, then <= or >=, then a number; hyphens within
+            names stand for underscores.
+        free: the parameters that it may name; degrees and model lengths.
+
+    Raises:
+        ValueError: it cannot be read, or names something that is not free.
+    """
+    parts = re.split(r"(<=|>=)", text)
+    what = f"limit {text!r}"
+    example = "it has to look like 'fingertip_length + 0.5 gap_width <= 200'"
+    try:
+        left, sign, right = parts
+        most = float(right)
+    except ValueError:
+        raise ValueError(f"{what} cannot be read: {example}") from None
+    names = [p.name for p in free]
+    coefficients = np.zeros(len(names))
+    term = r"\s*([+-])?\s*(\d+\.?\d*|\.\d+)?\s*\*?\s*([a-z][a-z0-9_-]*)"
+    rest = left
+    while rest.strip():
+        match = re.match(term, rest)
+        if match is None or (rest is not left and match.group(1) is None):
+            raise ValueError(f"{what} cannot be read at {rest.strip()!r}: {example}")
+        name = match.group(3).replace("-", "_")
+        if name not in names:
+            hint = did_you_mean(name, names)
+            raise ValueError(f"{what}: {name} is not free: {hint}free are {', '.join(names)}")
+        size = float(match.group(2) or 1.0)
+        coefficients[names.index(name)] += -size if match.group(1) == "-" else size
+        rest = rest[match.end() :]
+    if not coefficients.any():
+        raise ValueError(f"{what} limits nothing: {example}")
+    check_finite(what, most)
+    return Limit(text, coefficients, most) if sign == "<=" else Limit(text, -coefficients, -most)
+
+
+def nearest_within(
+    point: Float[np.ndarray, " n"],
+    normals: Float[np.ndarray, "edges n"],
+    room: Float[np.ndarray, " edges"],
+) -> Float[np.ndarray, " n"] | None:
+    """The nearest point x with normals @ x <= room; None where there is none.
+
+    Least distance programming by non-negative least squares (Lawson and Hanson 1974, chapter 23).
+    """
+    excess = normals @ point - room
+    if np.all(excess <= 0):
+        return point
+    rows = np.vstack([-normals.T, excess])
+    target = np.append(np.zeros(len(point)), 1.0)
+    weights, miss = nnls(rows, target)
+    if miss < 1e-9:
+        return None
+    residual = rows @ weights - target
+    return point - residual[:-1] / residual[-1]
+
+
+@dataclass(frozen=True)
 class DesignSpace:
     """The hands that differ from a base hand in the free parameters, and which are allowed.
 
@@ -183,6 +263,7 @@ class DesignSpace:
         free: the parameters.
         clearance: the least that the gap has to be wider than the object, a length.
         width: of the object.
+        limits: linear ones, in addition.
 
     Raises:
         ValueError: nothing free, a parameter twice, or a negative clearance.
@@ -192,6 +273,7 @@ class DesignSpace:
     free: tuple[Parameter, ...]
     clearance: float
     width: float
+    limits: tuple[Limit, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.free:
@@ -257,16 +339,21 @@ class DesignSpace:
         return float(gap) - self.width - self.clearance, any(crossings)
 
     def allowed(self, design: Float[np.ndarray, " parameters"]) -> bool:
-        """Whether a design is within bounds, has its clearance, and no limbs that cross."""
+        """Whether a design is within bounds and limits, has its clearance, and no limbs cross."""
         slack = 1e-9 * np.abs(self.scales)
         inside = np.all(design >= self.low - slack) and np.all(design <= self.high + slack)
+        for limit in self.limits:
+            inside &= (
+                limit.coefficients @ (design - slack * np.sign(limit.coefficients)) <= limit.most
+            )
         return bool(inside) and self.open(design, 1.0)
 
     def open(self, design: Float[np.ndarray, " parameters"], share: float) -> bool:
         """Whether the gap leaves that share of the clearance and no limbs cross."""
-        if any(float(length) <= 0 for row in self.hand(design).lengths for length in row):
+        try:
+            spare, crossed = self.spare(design)
+        except ValueError:  # a length of 0 or less
             return False
-        spare, crossed = self.spare(design)
         return spare + (1.0 - share) * self.clearance > -1e-6 * self.width and not crossed
 
     def nearest_allowed(
@@ -274,7 +361,7 @@ class DesignSpace:
         design: Float[np.ndarray, " parameters"],
         fallback: Float[np.ndarray, " parameters"] | None = None,
     ) -> Float[np.ndarray, " parameters"]:
-        """An allowed design close by: clipped to the bounds, then moved along the gap's gradient.
+        """An allowed design close by, by small moves (in the scales) that mend what is wrong.
 
         Arguments:
             design: any.
@@ -290,20 +377,15 @@ class DesignSpace:
         for _ in range(40):
             if self.allowed(design):
                 return design
-            spare, crossed = self.spare(design)
-            if crossed:
+            if self.spare(design)[1]:
                 # Fingers that cross have no gap whose gradient could help.
                 design = inside + 0.8 * (design - inside)
                 continue
-            steps = 1e-4 * np.diag(self.scales)
-            rises = [self.spare(design + h)[0] - self.spare(design - h)[0] for h in steps]
-            slope = np.array(rises) / 2e-4
-            stuck = ((slope < 0) & (design <= self.low)) | ((slope > 0) & (design >= self.high))
-            slope[stuck] = 0.0
-            if not slope.any() or spare >= 0:
+            normals, room = self._edges(design)
+            move = nearest_within(np.zeros(len(design)), normals, room)
+            if move is None:
                 break
-            move = (1e-7 * self.width - spare) / float(slope @ slope)
-            design = np.clip(design + move * slope * self.scales, self.low, self.high)
+            design = np.clip(design + move * self.scales, self.low, self.high)
         for share in 0.5 ** np.arange(1, 12):
             between = inside + share * (wanted - inside)
             if self.allowed(between):
@@ -313,8 +395,50 @@ class DesignSpace:
         raise ValueError(
             f"no allowed hand was found near {self.describe(wanted)}: its gap has to be "
             f"{self.clearance:g} wider than the object ({self.width:g}), no limbs may cross, and "
-            "every parameter has to be within its bounds"
+            "every parameter has to be within its bounds and limits"
         )
+
+    def along_edges(
+        self,
+        design: Float[np.ndarray, " parameters"],
+        way: Float[np.ndarray, " parameters"],
+        reach: float,
+    ) -> Float[np.ndarray, " parameters"]:
+        """What is left of a way uphill where it would leave the allowed hands within one step.
+
+        On an edge it is the part along the edge; a whole step away from all edges, all of it.
+
+        Arguments:
+            design: an allowed one.
+            way: a direction, in the scales.
+            reach: length of a step, in the scales.
+        """
+        normals, room = self._edges(design)
+        size = float(np.linalg.norm(way))
+        kept = nearest_within(way, normals, np.maximum(room, 0.0) * size / reach)
+        return np.zeros(len(way)) if kept is None else kept
+
+    def _edges(
+        self, design: Float[np.ndarray, " parameters"]
+    ) -> tuple[Float[np.ndarray, "edges parameters"], Float[np.ndarray, " edges"]]:
+        """Bounds, limits and the gap's tangent: outward normals, and how far each is away, all in
+        the scales."""
+        one = np.eye(len(design))
+        normals = [*one, *-one]
+        room = [*(self.high - design) / self.scales, *(design - self.low) / self.scales]
+        for limit in self.limits:
+            normal = limit.coefficients * self.scales
+            size = np.linalg.norm(normal)
+            normals.append(normal / size)
+            room.append((limit.most - limit.coefficients @ design) / size)
+        steps = 1e-4 * np.diag(self.scales)
+        rises = [self.spare(design + h)[0] - self.spare(design - h)[0] for h in steps]
+        slope = np.array(rises) / 2e-4
+        size = np.linalg.norm(slope)
+        if size > 0:
+            normals.append(-slope / size)
+            room.append((self.spare(design)[0] - 1e-7 * self.width) / size)
+        return np.array(normals), np.array(room)
 
     def describe(self, design: Float[np.ndarray, " parameters"]) -> str:
         """A design as text."""
@@ -336,6 +460,7 @@ def design_space(
     free: Mapping[str, tuple[float, float] | None] | Sequence[str],
     width: float,
     clearance: float | None = None,
+    limits: Sequence[str] = (),
 ) -> DesignSpace:
     """The hands that differ from `hand` in the parameters named.
 
@@ -344,9 +469,10 @@ def design_space(
         free: names (see `HELP`), or names with their bounds in degrees or model lengths.
         width: of the object, a length.
         clearance: the least that the gap has to be wider; 0.04 L_p unless given.
+        limits: linear limits as text, see `linear_limit`.
 
     Raises:
-        ValueError: see `parameter` and `DesignSpace`.
+        ValueError: see `parameter`, `linear_limit` and `DesignSpace`.
 
     Examples:
         >>> import pcjax
@@ -357,4 +483,5 @@ def design_space(
     bounds = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
     parameters = [parameter(name, hand, *(span or (None, None))) for name, span in bounds.items()]
     least = 0.04 * float(hand.palm_length) if clearance is None else clearance
-    return DesignSpace(hand, tuple(parameters), least, width)
+    linear = tuple(linear_limit(text, parameters) for text in limits)
+    return DesignSpace(hand, tuple(parameters), least, width, linear)

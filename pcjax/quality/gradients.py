@@ -74,6 +74,7 @@ class Gradient:
             share; above 0.05 the standard errors are not to be trusted.
         trials: simulated, all hands and directions together.
         seconds: wall time.
+        invalid: trials of a hand and direction that went wrong, and are left out.
     """
 
     value: float
@@ -85,6 +86,7 @@ class Gradient:
     largest_share: float
     trials: int
     seconds: float
+    invalid: int = 0
 
     @property
     def se(self) -> Float[np.ndarray, " parameters"]:
@@ -178,6 +180,7 @@ class Differences:
                     each_influence,
                     trials=each * len(parts.T) * surrogate.trials,
                     seconds=seconds / len(designs),
+                    invalid=sample.invalid,
                 )
             )
         return gradients
@@ -269,6 +272,7 @@ def _gradient(
     *,
     trials: int,
     seconds: float,
+    invalid: int,
 ) -> Gradient:
     """From each direction's logarithm and its derivatives, and what each trial adds to them."""
     signs = surrogate.signs
@@ -286,6 +290,7 @@ def _gradient(
         largest_share(influence[1:]),
         trials,
         seconds,
+        invalid,
     )
 
 
@@ -359,6 +364,7 @@ class Pathwise:
             influences,
             trials=surrogate.trials * len(means),
             seconds=time.perf_counter() - began,
+            invalid=int(np.sum(~good)),
         )
 
 
@@ -405,6 +411,7 @@ def mixed(one: Gradient, two: Gradient) -> Gradient:
         max(one.largest_share, two.largest_share),
         one.trials + two.trials,
         one.seconds + two.seconds,
+        one.invalid + two.invalid,
     )
 
 
