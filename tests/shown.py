@@ -74,6 +74,10 @@ def run_page(page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _small(code: str) -> str:
-    for name, value in (("trials", "20"), ("iterations", "1"), ("max_steps", "20_000")):
-        code = re.sub(rf"\b({name})=[\d_]+", rf"\1={value}", code)
+    for names, value in (
+        ("trials|accept_trials|check_trials", "20"),
+        ("iterations", "1"),
+        ("max_steps", "20_000"),
+    ):
+        code = re.sub(rf"\b({names})=[\d_]+", rf"\1={value}", code)
     return code
