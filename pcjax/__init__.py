@@ -10,9 +10,9 @@ from pcjax.engines.stepping import trajectory
 from pcjax.evaluate import evaluate
 from pcjax.export import export_hand
 from pcjax.model.arm import PlanarArm
-from pcjax.model.body import Circle, Stick
+from pcjax.model.body import Body, Circle, Stick
 from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import WristTilt
+from pcjax.model.drive import Drive, WristTilt
 from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.step import State, step
@@ -28,10 +28,12 @@ if TYPE_CHECKING:
     from pcjax.viz.designs import plot_map
 
 __all__ = [
+    "Body",
     "Circle",
     "ContactLaw",
     "DesignSpace",
     "Differences",
+    "Drive",
     "Estimate",
     "Evaluation",
     "HandDesign",

@@ -17,9 +17,9 @@ from pcjax.engines.ensemble import LIMIT, STATUS_NAMES, Outcomes, run
 from pcjax.engines.lanes import Engine
 from pcjax.model.body import Body, Circle, Stick
 from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import WristTilt
+from pcjax.model.drive import Drive, WristTilt
 from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
-from pcjax.model.scenario import DIRECTIONS, Drive, Scenario, check_geometry
+from pcjax.model.scenario import DIRECTIONS, Scenario, check_geometry
 from pcjax.physics.step import INVALID, PAPER_DT
 from pcjax.results import WATCHED, Evaluation, parameters, provenance
 
@@ -74,10 +74,10 @@ def evaluate(
         ValueError: a number or name out of range, limbs that cross, an object that does not fit
             at its start, or EoEn of a hand that has none.
 
-    Example:
+    Examples:
         >>> import pcjax
-        >>> result = pcjax.evaluate(pcjax.box_hand(0.17), trials=200, max_steps=50_000)
-        >>> result.score()["index1"].value > 1
+        >>> result = pcjax.evaluate(pcjax.box_hand(0.17), trials=64, max_steps=20_000)
+        >>> 0 < result.indices("does")["index1"].value <= 20_000
         True
     """
     drive = WristTilt() if drive is None else drive
@@ -146,6 +146,15 @@ def evaluate_grid(
 
     Raises:
         ValueError: see `evaluate`.
+
+    Examples:
+        >>> import pcjax
+        >>> from pcjax.evaluate import evaluate_grid
+        >>> radii = [10.0, 25.0]
+        >>> scenarios = [pcjax.does(pcjax.box_hand(), pcjax.Circle(radius)) for radius in radii]
+        >>> data = evaluate_grid(scenarios, {"radius": radii}, trials=64, max_steps=20_000)
+        >>> data.index1.dims, data.radius.values.tolist()
+        (('condition',), [10.0, 25.0])
     """
     check_count("trials", trials, 2, 2**31 - 1)
     gaps = [check_geometry(scenario) for scenario in scenarios]
@@ -231,7 +240,7 @@ def _run_each(
     scenarios: Sequence[Scenario], engines: Sequence[Engine], **settings: Any
 ) -> Outcomes:
     """The outcomes of each scenario by its own engine; those with equal engines share a batch."""
-    watched = isinstance(scenarios[0].body, Stick)
+    watched = scenarios[0].body.turns
     outcomes = Outcomes.blank(
         len(scenarios), settings["trials"], settings["max_steps"], watched=watched
     )

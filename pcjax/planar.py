@@ -20,7 +20,13 @@ T = TypeVar("T")
 
 
 class Vec(eqx.Module):
-    """A vector (x, y) in the plane."""
+    """A vector (x, y) in the plane.
+
+    Examples:
+        >>> from pcjax.planar import Vec
+        >>> Vec(3.0, 4.0).dot(Vec(1.0, 0.0))
+        3.0
+    """
 
     x: Scalar
     y: Scalar

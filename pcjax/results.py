@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import datetime
 import json
 import math
@@ -57,8 +58,9 @@ def parameters(scenario: Scenario) -> dict[str, float]:
     """Every number of a scenario by name, for instance `hand.angles[0][2]`."""
     leaves, _ = jax.tree_util.tree_flatten_with_path(scenario)
     numbers = {jax.tree_util.keystr(path).lstrip("."): float(leaf) for path, leaf in leaves}
-    drive = scenario.drive
-    return numbers | {"drive.period": drive.period, "drive.ramp_time": drive.ramp_time}
+    drive: Any = scenario.drive
+    fixed = [f.name for f in dataclasses.fields(drive) if f.metadata.get("static")]
+    return numbers | {f"drive.{name}": getattr(drive, name) for name in fixed}
 
 
 def provenance(run: Mapping[str, Any]) -> dict[str, Any]:
@@ -151,6 +153,16 @@ class Evaluation:
 
     Prints as a table. `dataset` holds everything: the escape step and status of every trial, the
     limbs and goal lines, and in its attributes how it was made.
+
+    Examples:
+        >>> import pcjax
+        >>> result = pcjax.evaluate(pcjax.box_hand(0.17), trials=64, max_steps=20_000)
+        >>> result.directions
+        ['does', 'eoen']
+        >>> sum(result.status("does").values())
+        64
+        >>> result.to_xarray().index1.dims
+        ('direction', 'statistic')
     """
 
     def __init__(self, dataset: xr.Dataset):

@@ -19,11 +19,11 @@ from pcjax.design.space import DesignSpace, parameter
 from pcjax.engines.choice import ENGINES
 from pcjax.evaluate import default_max_steps
 from pcjax.model.arm import PlanarArm
-from pcjax.model.body import Body, Circle, Stick
+from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
 from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
-from pcjax.model.scenario import DIRECTIONS, Drive, Scenario
+from pcjax.model.scenario import DIRECTIONS, Scenario
 
 MOST_CONDITIONS = 100_000
 """Of a sweep."""
@@ -134,8 +134,8 @@ class Study:
     """A hand, its object, its drive, the contact law, how it is tried, and what is swept."""
 
     hand: HandDesign
-    body: Body
-    drive: Drive
+    body: Circle | Stick
+    drive: WristTilt | PlanarArm
     law: ContactLaw
     run: Run = field(default_factory=Run)
     sweep: Sweep | None = None
@@ -339,14 +339,22 @@ def load_study(path: str | os.PathLike[str]) -> Study:
     Raises:
         ValueError: no such file, no TOML, an unknown or missing key, or a value that does not do.
 
-    Example:
-        >>> import pathlib, pcjax, tempfile
+    Examples:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> import pcjax
+        >>> text = '''
+        ... [hand]
+        ... palm_length = 400
+        ... lengths = [[350, 120, 90], [300, 140, 60]]
+        ... angles_deg = [[90, 90, 75], [80, 95, 50]]
+        ... '''
         >>> with tempfile.TemporaryDirectory() as folder:
-        ...     path = pathlib.Path(folder, "hand.toml")
-        ...     _ = path.write_text('[hand]\\npreset = "box"\\nfingertip_angle_deg = 20')
+        ...     path = Path(folder) / "own.toml"
+        ...     _ = path.write_text(text)
         ...     study = pcjax.load_study(path)
-        >>> round(float(study.hand.gap()), 1)
-        131.6
+        >>> study.body.radius  # 0.05 L_p unless said
+        20.0
     """
     path = Path(path)
     try:
@@ -422,7 +430,7 @@ class _Reader:
             (angles[0], angles[1]),
         )
 
-    def body(self, hand: HandDesign, drive: Drive) -> Body:
+    def body(self, hand: HandDesign, drive: WristTilt | PlanarArm) -> Circle | Stick:
         kind = self.word("body", "kind", ("circle", "stick"), "circle")
         names = ("kind", "radius") + (("orientation_deg",) if kind == "stick" else ())
         self.table("body", names)
@@ -433,9 +441,9 @@ class _Reader:
             return Circle(radius)
         return Stick(radius, math.radians(self.number("body", "orientation_deg", 0.0)))
 
-    def drive(self) -> Drive:
+    def drive(self) -> WristTilt | PlanarArm:
         kind = self.word("drive", "kind", ("wrist", "arm"), "wrist")
-        usual: Drive = _WRIST if kind == "wrist" else _ARM
+        usual: WristTilt | PlanarArm = _WRIST if kind == "wrist" else _ARM
         given: dict[str, Any] = {
             name: self.number("drive", name, float(getattr(usual, name)))
             for name in ("gravity", "ramp_time", "period")

@@ -181,6 +181,17 @@ def optimize(
 
     Raises:
         ValueError: no allowed hand, or a checkpoint file of another optimisation.
+
+    Examples:
+        Far too few trials to find anything, but quick:
+
+        >>> import pcjax
+        >>> task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 20_000)
+        >>> space = pcjax.design_space(pcjax.box_hand(), ["fingertip_angle"], 50.0)
+        >>> settings = pcjax.Settings(iterations=1, accept_trials=32, check_trials=32)
+        >>> found = pcjax.optimize(pcjax.Surrogate(task, trials=20), space, settings)
+        >>> found.best.shape, found.progress.iteration
+        ((1,), 1)
     """
     settings = Settings() if settings is None else settings
     estimator = Differences() if estimator is None else estimator

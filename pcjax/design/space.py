@@ -474,11 +474,11 @@ def design_space(
     Raises:
         ValueError: see `parameter`, `linear_limit` and `DesignSpace`.
 
-    Example:
+    Examples:
         >>> import pcjax
         >>> space = pcjax.design_space(pcjax.box_hand(), {"fingertip_angle": (-30, 45)}, 50.0)
         >>> space.describe(space.nearest_allowed([60.0]))
-        'fingertip_angle 40.54 deg'
+        'fingertip_angle 40.37 deg'
     """
     bounds = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
     parameters = [parameter(name, hand, *(span or (None, None))) for name, span in bounds.items()]

@@ -36,6 +36,15 @@ def choose_engine(name: str, dt: float | None, scenario: Scenario) -> Engine:
 
     Raises:
         ValueError: an unknown name, or an event-driven engine that does not apply.
+
+    Examples:
+        >>> import pcjax
+        >>> from pcjax.engines.choice import choose_engine
+        >>> hand = pcjax.box_hand()
+        >>> choose_engine("auto", None, pcjax.does(hand, pcjax.Circle(25.0))).name
+        'event'
+        >>> choose_engine("auto", None, pcjax.does(hand, pcjax.Stick(25.0))).name
+        'stepping'
     """
     if name == "stepping":
         return Stepping(PAPER_DT if dt is None else dt)

@@ -28,7 +28,6 @@ from pcjax.engines.cloud import Cloud
 from pcjax.engines.draws import period_draws, start_draws, trial_key
 from pcjax.engines.lanes import Engine, Lanes, with_progress, with_states
 from pcjax.engines.relaxation import NOWHERE, Progress
-from pcjax.model.body import Stick
 from pcjax.model.scenario import Scenario
 from pcjax.physics.step import INVALID, PAPER_DT, PASSED, RUNNING, begin
 
@@ -148,12 +147,12 @@ def run(
     Raises:
         ValueError: a count out of range, or scenarios of unequal structure.
     """
-    stick = isinstance(scenarios[0].body, Stick)
+    turns = scenarios[0].body.turns
     outcomes = Outcomes.blank(
         len(scenarios),
         trials,
         max_steps,
-        watched=stick,
+        watched=turns,
         relaxed=engine.goal_layer is not None,
         final=keep_final,
     )
@@ -201,7 +200,7 @@ def run(
     ):
         ledger.on_end = bar.update
         jobs = [
-            pool.submit(_work, ledger, advance, block, dtype, precision, device, 5 if stick else 0)
+            pool.submit(_work, ledger, advance, block, dtype, precision, device, 5 if turns else 0)
             for device in crew
         ]
         try:

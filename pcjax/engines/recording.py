@@ -17,8 +17,9 @@ from pcjax.engines.draws import period_draws, start_draws, trial_key
 from pcjax.engines.ensemble import LIMIT, paper_steps, run
 from pcjax.engines.stepping import Stepping, lag_of, trajectory
 from pcjax.model.arm import PlanarArm
+from pcjax.model.drive import WristTilt
 from pcjax.model.hand import points_of
-from pcjax.model.scenario import Drive, Scenario
+from pcjax.model.scenario import Scenario
 from pcjax.physics.step import INVALID, PAPER_DT, PASSED, begin
 
 PICKS = {
@@ -131,8 +132,11 @@ def record(
         dt: the solver's step, s.
 
     Raises:
-        ValueError: a number out of range.
+        ValueError: a number out of range, or a drive that is neither wrist nor arm.
     """
+    if not isinstance(scenario.drive, (WristTilt, PlanarArm)):
+        kind = type(scenario.drive).__name__
+        raise ValueError(f"the drive is a {kind}: only what wrists and arms do can be drawn")
     check_count("seed", seed, 0, 2**32 - 1)
     check_count("trial", trial, 0, 2**31 - 1)
     check_count("max_steps", max_steps, 1, 2**31 - 1)
@@ -168,7 +172,9 @@ def _run(scenario: Scenario, seed: Any, trial: Any, periods: int, dt: float) -> 
 
 
 @jax.jit
-def _carriage(drive: Drive, seed: Any, trial: Any, periods: Array, times: Array) -> Any:
+def _carriage(
+    drive: WristTilt | PlanarArm, seed: Any, trial: Any, periods: Array, times: Array
+) -> Any:
     """`joints`, `turn`, `pull` and `tilt` of `Frames` at times of some periods."""
     key = trial_key(seed, trial)
 

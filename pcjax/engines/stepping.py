@@ -143,6 +143,15 @@ def trajectory(
 
     Returns:
         `State` whose leaves have shape (periods * steps per period,).
+
+    Examples:
+        >>> import pcjax
+        >>> scenario = pcjax.does(pcjax.box_hand(), pcjax.Circle(25.0))
+        >>> path = pcjax.trajectory(scenario, seed=0, trial=3, dt=0.02)
+        >>> path.position.x.shape
+        (500,)
+        >>> bool((path.position.y > 24.9).all())  # never below the palm
+        True
     """
     drive = scenario.drive
     engine = Stepping(dt)

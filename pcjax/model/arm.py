@@ -51,6 +51,16 @@ class PlanarArm(eqx.Module):
     Raises:
         ValueError: a length or gravity that is not a finite number of at least 0, an angle that is
             not finite, low > high, or a ramp or period out of range.
+
+    Examples:
+        At rest the first link hangs and the second one is turned by 45 degrees:
+
+        >>> import jax.numpy as jnp, pcjax
+        >>> arm = pcjax.PlanarArm()
+        >>> gesture = arm.swing(jnp.zeros(3), jnp.zeros(3), first=True)
+        >>> joints, _ = arm.pose(gesture, 0.0)
+        >>> [f"{joint.x:.1f} {joint.y:.1f}" for joint in joints[1:3]]
+        ['-0.0 -200.0', '141.4 -341.4']
     """
 
     lengths: Joints

@@ -24,6 +24,15 @@ class ContactLaw(eqx.Module):
 
     Raises:
         ValueError: restitution outside [0, 1], or a negative resting speed or smoothing width.
+
+    Examples:
+        Half way into the layer of a smoothed contact it is on by a half:
+
+        >>> import pcjax
+        >>> float(pcjax.ContactLaw(smoothing=2.0).switch(0.0))
+        0.5
+        >>> float(pcjax.ContactLaw().switch(0.1))
+        1.0
     """
 
     restitution: Scalar

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any, Protocol
 
 import equinox as eqx
 import jax
@@ -12,6 +13,55 @@ from jaxtyping import Array, Float
 from pcjax.checks import check_between, check_finite, check_positive
 from pcjax.model.motion import Motion
 from pcjax.planar import Flag, Scalar, Vec, where
+
+
+class Drive(Protocol):
+    """What moves the hand: where it is and where gravity points, at each instant of a trial.
+
+    A trial's life is cut into periods. `swing` turns a period's random draws into numbers, once;
+    `fly` is called in every step and looks the motion up in them.
+
+    Attributes:
+        targets_per_period: how many draws a period takes.
+        period: seconds; a static field, and so is every other number that decides which code runs.
+    """
+
+    @property
+    def targets_per_period(self) -> int: ...
+
+    @property
+    def period(self) -> float: ...
+
+    def swing(self, before: Array, draws: Array, first: Flag) -> Any:
+        """The period that follows the draws `before` with `draws`, as a pytree of numbers.
+
+        Arguments:
+            before, draws: uniform on [0, 1), of shape (targets_per_period,).
+            first: whether the trial begins, so that `before` says nothing.
+        """
+        ...
+
+    def fly(self, swing: Any, position: Vec, velocity: Vec, time: Scalar, dt: Scalar) -> Motion:
+        """Free motion over the step from `time` to `time + dt` (s) of a period.
+
+        Arguments:
+            swing: from `swing`.
+            position: of the centre, in the hand frame.
+            velocity: as seen from the ground, in the hand's axes.
+            time: the same for all trials of a batch, so that a `jax.lax.cond` on it stays a branch.
+            dt: the step, s.
+
+        Returns:
+            The end of the step, in the hand's axes there; with a `carry` if the hand moves.
+        """
+        ...
+
+    def top_speed(self, reach: float) -> float:
+        """About the highest speed of an object in a hand of length `reach`, for plain numbers.
+
+        The automatic step follows from it.
+        """
+        ...
 
 
 class Pull(eqx.Module):
@@ -46,6 +96,15 @@ class WristTilt(eqx.Module):
     Raises:
         ValueError: an amplitude outside [0, pi/2], a ramp longer than the period, a period that
             is not positive, or gravity that is not a finite number of at least 0.
+
+    Examples:
+        Tilted to T1 = amplitude and T2 = 0, gravity along the palm is g sin(T1):
+
+        >>> import math, jax.numpy as jnp, pcjax
+        >>> drive = pcjax.WristTilt(amplitude=math.radians(30))
+        >>> swing = drive.swing(jnp.zeros(2), jnp.array([1.0, 0.5]), first=True)
+        >>> print(f"{swing.held.x:.2f} {abs(swing.held.y):.2f}")
+        4.90 0.00
     """
 
     amplitude: Scalar

@@ -82,6 +82,15 @@ class HandDesign(eqx.Module):
     Raises:
         ValueError: a length that is not positive, a number that is not finite, a finger without
             limbs or with unequal numbers of lengths and angles. Traced values are not checked.
+
+    Examples:
+        >>> import math, pcjax
+        >>> right = math.pi / 2
+        >>> hand = pcjax.HandDesign(4.0, ((3.0,), (2.0, 1.0)), ((right,), (right, right)))
+        >>> len(hand.limbs())
+        4
+        >>> round(float(hand.gap()), 3)
+        3.0
     """
 
     palm_length: Scalar
@@ -202,6 +211,12 @@ def box_hand(
 
     Raises:
         ValueError: a length that is not positive, or a gap as wide as the palm or wider.
+
+    Examples:
+        >>> import math, pcjax
+        >>> hand = pcjax.box_hand(math.radians(30))
+        >>> round(float(hand.gap()), 3)  # W_g - 2 L_g sin(theta_g) = 200 - 2 * 100 / 2
+        100.0
     """
     check_positive("palm_length", palm_length)
     check_finite("fingertip_angle", fingertip_angle)
@@ -236,6 +251,14 @@ def two_joint_hand(
 
     Raises:
         ValueError: a length that is not positive, or an angle that is not finite.
+
+    Examples:
+        >>> import math, pcjax
+        >>> hand = pcjax.two_joint_hand(math.radians(90), math.radians(90))
+        >>> hand.can_turn_fingertips()
+        False
+        >>> [round(float(limb.end.y), 1) for limb in hand.finger(0)]
+        [200.0, 200.0]
     """
     if len(lengths) != 2:
         raise ValueError(f"lengths has {len(lengths)} values: a finger has two limbs")

@@ -11,15 +11,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from pcjax.checks import check_between
-from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Body, Stick
 from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import WristTilt
+from pcjax.model.drive import Drive, WristTilt
 from pcjax.model.hand import Goal, HandDesign
 from pcjax.planar import Flag, Scalar, Segment, T, Vec
-
-Drive = WristTilt | PlanarArm
-"""What can move the hand."""
 
 
 class World(eqx.Module):
@@ -40,6 +36,23 @@ class Scenario(eqx.Module):
     """One condition: everything but the random draws, the step limit and the solver's step.
 
     The hand is the one that is simulated; `does` and `eoen` make it from a design.
+
+    Arguments:
+        hand: as simulated.
+        body: the object.
+        drive: what moves the hand; the paper's wrist unless given.
+        law: contact law; the paper's unless given.
+        start_spread: spread of the starts near the palm's ends, in palm lengths, 0 to 1.
+
+    Raises:
+        ValueError: a start spread out of range.
+
+    Examples:
+        >>> import jax.numpy as jnp, pcjax
+        >>> scenario = pcjax.Scenario(pcjax.box_hand(), pcjax.Circle(25.0))
+        >>> start = scenario.start(jnp.array([0.0, 0.0, 0.0]))  # in the left corner
+        >>> print(f"{start.x:.1f} {start.y:.1f}")
+        -225.0 25.0
     """
 
     hand: HandDesign
@@ -187,7 +200,16 @@ def does(
     law: ContactLaw | None = None,
     start_spread: Scalar = 0.1,
 ) -> Scenario:
-    """Difficulty of escaping (Fig. 8(a)): the hand as it is, the object inside."""
+    """Difficulty of escaping (Fig. 8(a)): the hand as it is, the object inside.
+
+    Its arguments are those of `Scenario`.
+
+    Examples:
+        >>> import pcjax
+        >>> scenario = pcjax.does(pcjax.box_hand(0.0), pcjax.Circle(25.0))
+        >>> print(f"{scenario.hand.goal().a.y:.1f}")  # the line between the tip joints
+        500.0
+    """
     return Scenario(hand, body, drive, law, start_spread)
 
 
@@ -204,6 +226,12 @@ def eoen(
 
     Raises:
         ValueError: a finger with fewer than three limbs, which leaves no box.
+
+    Examples:
+        >>> import pcjax
+        >>> scenario = pcjax.eoen(pcjax.box_hand(0.0), pcjax.Circle(25.0))
+        >>> print(f"{scenario.hand.goal().a.y:.1f}")  # the line between the fingertips' ends
+        600.0
     """
     if not hand.can_turn_fingertips():
         raise ValueError(

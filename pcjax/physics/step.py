@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import replace
 from typing import Any
@@ -11,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from pcjax.model.body import Stick
+from pcjax.model.body import Circle, Stick
 from pcjax.model.motion import Motion
 from pcjax.model.scenario import Scenario, World
 from pcjax.physics.collide import two_nearest
@@ -82,9 +83,8 @@ def at_rest(position: Vec, angle: Scalar | None = None) -> State:
 
 def begin(scenario: Scenario, draws: Float[Array, "3"]) -> State:
     """A trial's first state, from `scenario.draws_for_start` draws uniform on [0, 1)."""
-    body = scenario.body
-    angle = body.orientation if isinstance(body, Stick) else None
-    return at_rest(scenario.start(draws), angle)
+    body: Any = scenario.body
+    return at_rest(scenario.start(draws), body.orientation if body.turns else None)
 
 
 def step(scenario: Scenario, swing: Any, state: State, dt: Scalar = PAPER_DT) -> State:
@@ -95,6 +95,17 @@ def step(scenario: Scenario, swing: Any, state: State, dt: Scalar = PAPER_DT) ->
         swing: the drive's motion in the current period, from `scenario.drive.swing`.
         state: the state before.
         dt: the step, s.
+
+    Examples:
+        Gravity along the palm, T1 = 30 degrees, from rest: v = g sin(T1) t.
+
+        >>> import jax.numpy as jnp, pcjax
+        >>> from pcjax.physics.step import begin
+        >>> scenario = pcjax.does(pcjax.box_hand(), pcjax.Circle(25.0))
+        >>> swing = scenario.drive.swing(jnp.array([1.0, 0.5]), jnp.array([1.0, 0.5]), first=False)
+        >>> state = begin(scenario, jnp.array([0.2, 0.5, 0.5]))
+        >>> print(f"{pcjax.step(scenario, swing, state, 0.01).velocity.x:.4f}")
+        0.0490
     """
     return advance(scenario.world(), swing, state, dt)
 
@@ -102,13 +113,46 @@ def step(scenario: Scenario, swing: Any, state: State, dt: Scalar = PAPER_DT) ->
 def advance(world: World, swing: Any, state: State, dt: Scalar) -> State:
     """`step` for a scenario whose kinematics have been worked out by `Scenario.world`."""
     free = world.drive.fly(swing, state.position, state.velocity, state.clock * dt, dt)
-    one = runtime_one(state.clock, dt)
-    if isinstance(world.body, Stick):
-        return advance_stick(world, state, free, dt, one)
+    return move_body(world.body, world, state, free, dt, runtime_one(state.clock, dt))
+
+
+@functools.singledispatch
+def move_body(
+    body: Any, world: World, state: State, free: Motion, dt: Scalar, one: Scalar
+) -> State:
+    """A body's part of a step: what limbs do to its free motion, and whether it has passed.
+
+    One function for each kind of body, registered with `move_body.register`.
+
+    Arguments:
+        body: that of the world; its type chooses the function.
+        world: limbs, goal, drive and contact law.
+        state: before the step.
+        free: the centre's free motion over the step.
+        dt: the step, s.
+        one: a 1 for `pcjax.planar.fence`.
+
+    Returns:
+        The state after the step, from `judge`.
+
+    Raises:
+        TypeError: a body without such a function.
+    """
+    raise TypeError(
+        f"nothing says how a {type(body).__name__} moves: register it with "
+        "pcjax.physics.step.move_body"
+    )
+
+
+@move_body.register
+def move_circle(
+    body: Circle, world: World, state: State, free: Motion, dt: Scalar, one: Scalar
+) -> State:
+    """`move_body` for a circle: contact with the two nearest limbs."""
     moved = meet_limbs(world, free, dt, one)
     travel = free.position - state.position
     # Written so that NaN fails it too.
-    safe = travel.dot(travel) < world.body.radius * world.body.radius
+    safe = travel.dot(travel) < body.radius * body.radius
     return judge(world, state, moved, safe)
 
 
@@ -120,13 +164,15 @@ def meet_limbs(world: World, free: Motion, dt: Scalar, one: Scalar) -> Motion:
     return hold_off(world.law, contacts, radius, moved, moved.position - free.position, dt, one)
 
 
-def advance_stick(world: World, state: State, free: Motion, dt: Scalar, one: Scalar) -> State:
-    """`advance` for a stick whose centre's free motion is known: its turning, and its contacts."""
-    assert isinstance(world.body, Stick)
+@move_body.register
+def move_stick(
+    body: Stick, world: World, state: State, free: Motion, dt: Scalar, one: Scalar
+) -> State:
+    """`move_body` for a stick: its turning, and its contacts."""
     assert state.angle is not None
     assert state.spin is not None
     assert state.watch is not None
-    half, skin = world.body.half_length, world.body.skin
+    half, skin = body.half_length, body.skin
     # Nothing turns the stick between impacts; the hand turns steadily.
     carried = 0.0 if free.carry is None else free.carry.spin
     spin = state.spin - carried
@@ -158,11 +204,19 @@ def advance_stick(world: World, state: State, free: Motion, dt: Scalar, one: Sca
 
 
 def judge(world: World, state: State, moved: Motion, safe: Flag) -> State:
-    """Goal test, the verdict on the step's safety, and the freeze of trials that have ended."""
+    """Goal test, the verdict on the step's safety, and the freeze of trials that have ended.
+
+    Arguments:
+        world: with the goal.
+        state: before the step.
+        moved: the centre after it.
+        safe: whether no limb can have been stepped over; False, also for what is not a number,
+            ends the trial as invalid.
+    """
     before, after = world.goal.beyond(state.position), world.goal.beyond(moved.position)
     # A circle keeps its radius from the line's ends, a stick's centre may cross right beside them.
     across = moved.position
-    if isinstance(world.body, Stick):
+    if world.body.turns:
         share = before / jnp.where(after > before, before - after, -1.0)
         across = state.position + (moved.position - state.position) * share
     passed = (before < 0) & (after >= 0) & world.goal.between(across)

@@ -117,6 +117,15 @@ class Differences:
 
     Raises:
         ValueError: an unknown name or a number out of range.
+
+    Examples:
+        >>> import pcjax
+        >>> task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 20_000)
+        >>> space = pcjax.design_space(pcjax.box_hand(), ["fingertip_angle"], 50.0)
+        >>> designs = [space.design_of(space.base)]
+        >>> (found,) = pcjax.Differences()(pcjax.Surrogate(task, trials=20), space, designs, 0)
+        >>> found.gradient.shape, found.trials  # three hands, two directions
+        ((1,), 120)
     """
 
     directions: str = "factorial"
@@ -209,12 +218,12 @@ def differentiable_score(
     Raises:
         ValueError: a surrogate of another form.
 
-    Example:
+    Examples:
         >>> import pcjax, jax
         >>> task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 30_000)
         >>> space = pcjax.design_space(pcjax.box_hand(), ["fingertip_angle"], 50.0)
         >>> score = pcjax.differentiable_score(pcjax.Surrogate(task, trials=64), space, block=64)
-        >>> jax.grad(score)(space.design_of(space.base), 0).shape
+        >>> jax.eval_shape(jax.grad(score), space.design_of(space.base), 0).shape
         (1,)
     """
     if surrogate.form != "horizon":
@@ -367,6 +376,12 @@ class Mixture:
         first, second: the estimators.
         changes: what the second one's surrogate has otherwise, for instance
             (("contact_layer", 0.2), ("trials", 256)).
+
+    Examples:
+        >>> import pcjax
+        >>> both = pcjax.Mixture(pcjax.Differences(), pcjax.Pathwise(), (("contact_layer", 0.2),))
+        >>> both.first.directions
+        'factorial'
     """
 
     first: Estimator

@@ -17,6 +17,13 @@ class Estimate:
     """An estimate with its standard error and 95 % interval.
 
     `value` is NaN where the quantity is undefined, and `low`, `high` are then NaN too.
+
+    Examples:
+        >>> import numpy as np
+        >>> from pcjax.quality.indices import index2
+        >>> share = index2(np.array([True, False, False, False]))
+        >>> print(f"{share.value} [{share.low:.2f}, {share.high:.2f}]")
+        0.25 [0.05, 0.70]
     """
 
     value: float

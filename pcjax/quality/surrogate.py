@@ -42,8 +42,9 @@ from pcjax.engines.relaxation import Layer, relaxed_survival
 from pcjax.engines.stepping import Stepping
 from pcjax.model.body import Body, Circle
 from pcjax.model.contact_law import ContactLaw
+from pcjax.model.drive import Drive
 from pcjax.model.hand import HandDesign
-from pcjax.model.scenario import DIRECTIONS, Drive, Scenario
+from pcjax.model.scenario import DIRECTIONS, Scenario
 from pcjax.physics.step import INVALID, PAPER_DT
 from pcjax.planar import Scalar
 
@@ -71,6 +72,12 @@ class Task:
         max_steps: limit in steps of 0.001 s.
         law: contact law.
         start_spread: of the starts, in palm lengths.
+
+    Examples:
+        >>> import pcjax
+        >>> task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 600_000)
+        >>> len(task.scenarios(pcjax.box_hand()))
+        2
     """
 
     body: Body
@@ -125,6 +132,16 @@ class Surrogate:
     Raises:
         ValueError: an unknown name, a number out of range, a limit that is not a whole number of
             periods, or a cloud of sticks.
+
+    Examples:
+        >>> import pcjax
+        >>> task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 20_000)
+        >>> surrogate = pcjax.Surrogate(task, trials=32)
+        >>> surrogate.periods
+        2
+        >>> sample = surrogate.sample([pcjax.box_hand(0.1), pcjax.box_hand(0.2)], seed=0)
+        >>> sample.values.shape  # hands, directions, (seconds held, survival), trials
+        (2, 2, 2, 32)
     """
 
     task: Task
@@ -320,7 +337,7 @@ class Surrogate:
             jnp.repeat(jnp.arange(count, dtype=jnp.int32), len(trials)),
             jnp.tile(trials, count),
             np.dtype(jnp.result_type(float)).type,
-            0 if isinstance(self.task.body, Circle) else 5,
+            5 if self.task.body.turns else 0,
         )
         lanes = roll(engine, stacked, seed, self.periods, lanes)
         widths = _layer_widths(stacked, self.goal_layer)

@@ -32,6 +32,8 @@ from pcjax.checks import check_between
 from pcjax.engines.choice import safe_step
 from pcjax.engines.recording import Frames, Recording, pick_trial, record
 from pcjax.evaluate import default_max_steps
+from pcjax.model.arm import PlanarArm
+from pcjax.model.drive import WristTilt
 from pcjax.model.scenario import Scenario, check_geometry
 from pcjax.physics.step import INVALID, PASSED
 from pcjax.viz.scene import draw_scene
@@ -184,7 +186,9 @@ class _Film:
     def __init__(self, recording: Recording, times: np.ndarray, speed: float, title: str):
         self._recording, self._speed, self._title = recording, speed, title
         self._frames = recording.at(times)
-        self._gravity = float(recording.scenario.drive.gravity)
+        drive = recording.scenario.drive
+        assert isinstance(drive, (WristTilt, PlanarArm))
+        self._gravity = float(drive.gravity)
         self._low, self._high = self._extent()
         width, height = self._high - self._low
         # Room for the pictures' text above, and for the dial on the right.

@@ -1,0 +1,97 @@
+"""Drives and bodies from outside the package: they run like those inside it."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+import pytest
+from jaxtyping import Array
+
+import pcjax
+from pcjax.engines.choice import choose_engine
+from pcjax.model.drive import Swing
+from pcjax.model.motion import Motion
+from pcjax.model.scenario import World
+from pcjax.physics.step import State, judge, meet_limbs, move_body
+from pcjax.planar import Flag, Scalar, Vec
+
+RUN: dict[str, Any] = {"trials": 64, "max_steps": 60_000, "dt": 0.04, "direction": "does"}
+
+
+class OwnWrist(eqx.Module):
+    """The wrist as somebody else's class."""
+
+    wrist: pcjax.WristTilt
+    period: float = eqx.field(static=True, default=10.0)
+
+    targets_per_period = 2
+
+    def swing(self, before: Array, draws: Array, first: Flag) -> Swing:
+        return self.wrist.swing(before, draws, first)
+
+    def fly(self, swing: Swing, position: Vec, velocity: Vec, time: Scalar, dt: Scalar) -> Motion:
+        return self.wrist.fly(swing, position, velocity, time, dt)
+
+    def top_speed(self, reach: float) -> float:
+        return self.wrist.top_speed(reach)
+
+
+class Bare(eqx.Module):
+    """A circle as somebody else's class, without a function that moves it."""
+
+    radius: Scalar
+
+    turns = False
+
+    @property
+    def width(self) -> Scalar:
+        return 2 * self.radius
+
+
+class OwnCircle(Bare):
+    """And with one."""
+
+
+@move_body.register
+def move_own_circle(
+    body: OwnCircle, world: World, state: State, free: Motion, dt: Scalar, one: Scalar
+) -> State:
+    travel = free.position - state.position
+    safe = travel.dot(travel) < body.radius * body.radius
+    return judge(world, state, meet_limbs(world, free, dt, one), safe)
+
+
+def test_own_drive_and_body_give_the_same_trials_as_those_of_the_package() -> None:
+    hand = pcjax.box_hand(0.0)
+    theirs = pcjax.evaluate(hand, pcjax.Circle(25.0), **RUN)
+    own = pcjax.evaluate(hand, OwnCircle(25.0), drive=OwnWrist(pcjax.WristTilt()), **RUN)
+    np.testing.assert_array_equal(own.dataset.escape_step, theirs.dataset.escape_step)
+    np.testing.assert_array_equal(own.dataset.status, theirs.dataset.status)
+    assert 0 < theirs.status("does")["passed"] < 64
+
+
+def test_automatic_engine_steps_for_what_the_event_driven_one_does_not_know() -> None:
+    hand = pcjax.box_hand(0.0)
+    for scenario in (
+        pcjax.does(hand, OwnCircle(25.0)),
+        pcjax.does(hand, pcjax.Circle(25.0), OwnWrist(pcjax.WristTilt())),
+    ):
+        assert choose_engine("auto", None, scenario).name == "stepping"
+        with pytest.raises(ValueError, match="event-driven engine cannot run this"):
+            choose_engine("event", None, scenario)
+
+
+def test_results_name_every_number_of_an_own_drive() -> None:
+    drive = OwnWrist(pcjax.WristTilt(gravity=5.0))
+    result = pcjax.evaluate(pcjax.box_hand(0.0), OwnCircle(25.0), drive=drive, **RUN)
+    numbers = json.loads(result.dataset.attrs["parameters"])["does"]
+    assert numbers["drive.period"] == 10.0
+    assert numbers["drive.wrist.gravity"] == 5.0
+
+
+def test_a_body_that_nothing_moves_says_so() -> None:
+    with pytest.raises(TypeError, match="how a Bare moves"):
+        pcjax.trajectory(pcjax.does(pcjax.box_hand(), Bare(25.0)))
