@@ -152,7 +152,9 @@ def test_bad_limits_are_refused(text: str, words: str) -> None:
 
 def test_moves_keep_to_the_scales() -> None:
     np.testing.assert_allclose(tips().scales, [10.0, 50.0])
-    np.testing.assert_allclose(tips().usual_moves(), [4.0, 10.0])
+    np.testing.assert_allclose(tips().usual_moves(np.array([0.0, 100.0])), [4.0, 10.0])
+    # A short fingertip is not moved by half its length.
+    np.testing.assert_allclose(tips().usual_moves(np.array([0.0, 25.0])), [4.0, 5.0])
 
 
 @pytest.mark.parametrize(

@@ -36,16 +36,16 @@ from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import FORMS, OBJECTIVES, Surrogate
 from pcjax.results import save_text
 
+_FOR_PATHWISE = {"goal_layer": 0.8, "contact_layer": 0.2}
+"""The widths with which pathwise gradients are least noisy."""
+
 _ESTIMATORS: dict[str, Estimator] = {
-    "factorial": Differences("factorial"),
     "axial": Differences("axial"),
+    "factorial": Differences("factorial"),
     "evolution": Differences("gaussian"),
     "pathwise": Pathwise(),
-    "mixture": Mixture(Differences("factorial"), Pathwise(), (("contact_layer", 0.2),)),
+    "mixture": Mixture(Differences(), Pathwise(), tuple(_FOR_PATHWISE.items())),
 }
-
-_COMPLIANT = 0.2
-"""Contact layer, in radii, with which pathwise gradients are least noisy."""
 
 
 def add_optimize(parser: argparse.ArgumentParser) -> None:
@@ -90,7 +90,7 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
     )
     add("--grid-points", type=whole, default=11, help="of each parameter, for --method grid")
     add("--form", choices=FORMS, default="horizon", help="what the gradient is taken of")
-    add("--estimator", choices=tuple(_ESTIMATORS), default="factorial", help="of the gradient")
+    add("--estimator", choices=tuple(_ESTIMATORS), default="axial", help="of the gradient")
     add("--starts", type=whole, default=1, help="the hand given, and others spread over the bounds")
     add("--iterations", type=whole, default=Settings.iterations, help="at most")
     add("--trials", type=whole, default=1000, help="trials of a hand and direction, an iteration")
@@ -129,14 +129,13 @@ def _run(arguments: argparse.Namespace) -> None:
         study.hand, dict(free), float(study.body.width), arguments.clearance, arguments.limit
     )
     task = task_of(study)
-    compliant = arguments.estimator == "pathwise"
     surrogate = Surrogate(
         task,
         objective=arguments.objective,
         form=arguments.form,
         trials=arguments.trials,
         dt=study.run.dt,
-        contact_layer=_COMPLIANT if compliant else 0.0,
+        **(_FOR_PATHWISE if arguments.estimator == "pathwise" else {}),
     )
     settings = Settings(
         iterations=arguments.iterations,

@@ -170,7 +170,7 @@ def optimize(
         surrogate: the relaxed score whose gradient is followed.
         space: what may change; its base hand is the start.
         settings: see `Settings`.
-        estimator: of the gradient; factorial differences unless given.
+        estimator: of the gradient; `Differences()` unless given.
         checkpoint: a file to keep the state in after every iteration. If it is there already, the
             optimisation goes on from it.
         progress: whether to show a bar on stderr.

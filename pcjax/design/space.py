@@ -297,9 +297,14 @@ class DesignSpace:
         length = 0.1 * float(self.base.palm_length)
         return np.array([10.0 if p.unit else length for p in self.free])
 
-    def usual_moves(self) -> Float[np.ndarray, " parameters"]:
-        """How far differences move each parameter: 4 degrees, or 0.02 palm lengths."""
-        return self.scales * [0.4 if p.unit else 0.2 for p in self.free]
+    def usual_moves(
+        self, design: Float[np.ndarray, " parameters"]
+    ) -> Float[np.ndarray, " parameters"]:
+        """How far differences move each parameter: 4 degrees, or 0.02 palm lengths but no more than
+        a fifth of the length itself."""
+        moves = self.scales * [0.4 if p.unit else 0.2 for p in self.free]
+        angles = np.array([bool(p.unit) for p in self.free])
+        return np.where(angles, moves, np.minimum(moves, 0.2 * np.abs(design)))
 
     def least_gap(self, share: float) -> float:
         """The gap that leaves that share of the clearance."""

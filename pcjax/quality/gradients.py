@@ -1,11 +1,9 @@
 """Estimators of the derivative of a surrogate's logarithm: value, gradient, and how sure they are.
 
-`Differences` moves the design both ways along some directions, on the same trials. One parameter at
-a time ("axial") is the textbook's way. In a two-level factorial design ("factorial", after Plackett
-and Burman, with Hadamard's signs) every run moves all parameters at once, so that all runs tell
-about every parameter: for the same number of runs the variance is up to P times smaller, as far as
-the trials still resemble each other after the larger move. "gaussian" directions are evolution
-strategies.
+`Differences` moves the design both ways along some directions, on the same trials: one parameter at
+a time ("axial"), or all of them in every run ("factorial", after Plackett and Burman, with
+Hadamard's signs), so that all runs tell about every parameter. The variance is then smaller, and
+the bias larger, since the joint move is longer. "gaussian" directions are evolution strategies.
 
 `Pathwise` differentiates each trial, forward through the smoothed steps. `Mixture` weighs two
 estimators by their variances.
@@ -51,7 +49,11 @@ class Space(Protocol):
     @property
     def base(self) -> HandDesign: ...
 
-    def usual_moves(self) -> Float[np.ndarray, " parameters"]: ...
+    def usual_moves(
+        self, design: Float[np.ndarray, " parameters"]
+    ) -> Float[np.ndarray, " parameters"]: ...
+
+    def design_of(self, hand: HandDesign) -> Float[np.ndarray, " parameters"]: ...
 
     def least_gap(self, share: float) -> float: ...
 
@@ -111,8 +113,8 @@ class Differences:
 
     Arguments:
         directions: one of `DIRECTIONS`.
-        reach: factor on the usual steps of 4 degrees and 0.02 L_p. They shrink, all alike, where
-            the hand would close.
+        reach: factor on the usual steps of 4 degrees and 0.02 L_p (no more than a fifth of a
+            length). They shrink, all alike, where the hand would close.
         count: how many gaussian directions; the number of parameters unless given.
 
     Raises:
@@ -128,7 +130,7 @@ class Differences:
         ((1,), 120)
     """
 
-    directions: str = "factorial"
+    directions: str = "axial"
     reach: float = 1.0
     count: int | None = None
 
@@ -150,14 +152,17 @@ class Differences:
             ValueError: a hand is closed, or as good as closed.
         """
         began = time.perf_counter()
-        moves = self._moves(space, len(designs[0]), seed)
-        all_moves = [open_reach(space, design, moves) * moves for design in designs]
+        ways = self._ways(len(designs[0]), seed)
+        all_moves = []
+        for design in designs:
+            moves = self.reach * ways * space.usual_moves(design)
+            all_moves.append(open_reach(space, design, moves) * moves)
         hands = [
             space.hand(one)
             for design, moves in zip(designs, all_moves, strict=True)
             for one in (design, *(design + m for m in moves), *(design - m for m in moves))
         ]
-        each = 1 + 2 * len(moves)
+        each = 1 + 2 * len(ways)
         sample = surrogate.sample(hands, seed, hands[::each])
         if sample.valid.sum() < 2:
             raise ValueError("fewer than two trials went right at every design: try a smaller dt")
@@ -185,14 +190,13 @@ class Differences:
             )
         return gradients
 
-    def _moves(self, space: Space, count: int, seed: int) -> Float[np.ndarray, "moves parameters"]:
-        steps = self.reach * space.usual_moves()
+    def _ways(self, count: int, seed: int) -> Float[np.ndarray, "moves parameters"]:
+        """The moves, in usual moves."""
         if self.directions == "axial":
-            return np.diag(steps)
+            return np.eye(count)
         if self.directions == "factorial":
-            return _signs(count) * steps
-        draws = np.random.default_rng(seed).standard_normal((self.count or count, count))
-        return draws * steps
+            return _signs(count)
+        return np.random.default_rng(seed).standard_normal((self.count or count, count))
 
 
 def _signs(count: int) -> Float[np.ndarray, "runs parameters"]:
@@ -206,7 +210,7 @@ def differentiable_score(
 ) -> Callable[[Float[Array, " parameters"], Integer[Array, ""] | int], Scalar]:
     """The relaxed score as a function of (design, seed) that JAX can compile and differentiate.
 
-    Its derivative is the factorial estimate of `Differences`, by `jax.custom_jvp`, so `jax.grad` of
+    Its derivative is the estimate of `Differences`, with the base hand's moves, by `jax.custom_jvp`, so `jax.grad` of
     it and any optimiser of optax just work. `optimize` is faster: here the trials of a block wait
     for each other.
 
@@ -230,7 +234,7 @@ def differentiable_score(
         raise ValueError(f"a score to be compiled needs form 'horizon', not {surrogate.form!r}")
     engine = surrogate.engine(surrogate.task.scenarios(space.base))
     count = len(space.scales)
-    moves = _signs(count) * space.usual_moves()
+    moves = np.diag(space.usual_moves(space.design_of(space.base)))
     blocks = -(-surrogate.trials // block)
 
     def log_score(design: Array, seed: Array) -> Scalar:

@@ -4,7 +4,7 @@ Two things are softened, each by a named width, and as both go to 0 the exact sc
 
 | field | unit | usual | what it does |
 | --- | --- | --- | --- |
-| goal_layer | depths of the channel | 0.8 | half width over which the goal line is spread |
+| goal_layer | depths of the channel | 0.2 | half width over which the goal line is spread |
 | contact_layer | radii of the object | 0 | half width over which contact switches on |
 
 and it takes one of three forms:
@@ -148,7 +148,7 @@ class Surrogate:
     objective: str = "index1"
     form: str = "horizon"
     trials: int = 1000
-    goal_layer: float = 0.8
+    goal_layer: float = 0.2
     contact_layer: float = 0.0
     dt: float | None = None
     burn_in: int = 8
