@@ -1,8 +1,8 @@
 """Estimated derivatives of the score against exact ones, for spread designs.
 
 The truth is a difference of the exact score, one parameter at a time, half as wide as the
-estimators' and on other trials. Two parameters of each hand, and eight of the box hand, where differences get dear. Keeps
-`results/gradients.csv` and draws `results/gradients.png`.
+estimators' and on other trials. Two parameters of each hand, and eight of the box hand, where
+differences get dear. Keeps `results/gradients.csv` and draws `results/gradients.png`.
 """
 
 from __future__ import annotations

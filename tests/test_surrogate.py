@@ -182,7 +182,7 @@ def test_the_derivative_of_the_compiled_score_is_the_differences() -> None:
     design = space().design_of(WIDE)
     score = differentiable_score(surrogate, space(), block=64)
     value, slope = jax.value_and_grad(score)(design, 5)
-    (told,) = Differences("factorial")(surrogate, space(), [design], 5)
+    (told,) = Differences()(surrogate, space(), [design], 5)
     assert float(value) == pytest.approx(math.exp(told.value), rel=1e-5)
     np.testing.assert_allclose(slope, math.exp(told.value) * told.gradient, rtol=1e-3)
     forward = jax.jvp(lambda at: score(at, 5), (design,), (np.array([1.0, 2.0]),))[1]
@@ -216,7 +216,7 @@ def test_differences_agree_with_exact_ones(form: str, directions: str) -> None:
     relaxed = Surrogate(task(max_steps=100_000), form=form, trials=2000, burn_in=3)
     truth = Surrogate(task(max_steps=100_000), form="exact", trials=8000)
     (got,) = Differences(directions)(relaxed, space(), [design], 7)
-    (true,) = Differences("factorial")(truth, space(), [design], 8)
+    (true,) = Differences(reach=0.5)(truth, space(), [design], 8)
     for mine, my_se, theirs, their_se in (
         (got.gradient, got.se, true.gradient, true.se),
         (got.parts, got.parts_se, true.parts, true.parts_se),

@@ -135,8 +135,9 @@ def _run(arguments: argparse.Namespace) -> None:
         form=arguments.form,
         trials=arguments.trials,
         dt=study.run.dt,
-        **(_FOR_PATHWISE if arguments.estimator == "pathwise" else {}),
     )
+    if arguments.estimator == "pathwise":
+        surrogate = replace(surrogate, **_FOR_PATHWISE)
     settings = Settings(
         iterations=arguments.iterations,
         starts=arguments.starts,

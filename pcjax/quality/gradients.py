@@ -210,9 +210,9 @@ def differentiable_score(
 ) -> Callable[[Float[Array, " parameters"], Integer[Array, ""] | int], Scalar]:
     """The relaxed score as a function of (design, seed) that JAX can compile and differentiate.
 
-    Its derivative is the estimate of `Differences`, with the base hand's moves, by `jax.custom_jvp`, so `jax.grad` of
-    it and any optimiser of optax just work. `optimize` is faster: here the trials of a block wait
-    for each other.
+    Its derivative is the estimate of `Differences`, with the base hand's moves, by
+    `jax.custom_jvp`, so `jax.grad` of it and any optimiser of optax just work. `optimize` is
+    faster: here the trials of a block wait for each other.
 
     Arguments:
         surrogate: of the form "horizon".
@@ -233,7 +233,6 @@ def differentiable_score(
     if surrogate.form != "horizon":
         raise ValueError(f"a score to be compiled needs form 'horizon', not {surrogate.form!r}")
     engine = surrogate.engine(surrogate.task.scenarios(space.base))
-    count = len(space.scales)
     moves = np.diag(space.usual_moves(space.design_of(space.base)))
     blocks = -(-surrogate.trials // block)
 
