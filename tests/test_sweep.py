@@ -257,7 +257,7 @@ def test_a_condition_stops_once_it_is_precise_enough(tmp_path: Path) -> None:
     target = 0.03
     study = replace(
         STUDY,
-        run=replace(QUICK, trials=400, precision_target=target),
+        run=replace(QUICK, trials=400, max_steps=60_000, precision_target=target),
         sweep=Sweep({"fingertip_angle_deg": (0.0, 20.0, 50.0)}),
     )
     data = run_sweep(study, tmp_path / "r.nc", keep_trials=True)
@@ -269,11 +269,11 @@ def test_a_condition_stops_once_it_is_precise_enough(tmp_path: Path) -> None:
     for k, angle in enumerate(data.fingertip_angle_deg.values):
         value, _, low, high = data.score.sel(fingertip_angle_deg=angle, index="index1").values
         assert high - low <= 2 * target * value
-        alone = replace(STUDY, run=replace(QUICK, trials=int(used[k]))).having(
+        alone = replace(study, run=replace(study.run, trials=int(used[k]))).having(
             {"fingertip_angle_deg": float(angle)}
         )
         again = evaluate(
-            alone.hand, alone.body, trials=int(used[k]), max_steps=20_000, seed=3
+            alone.hand, alone.body, trials=int(used[k]), max_steps=60_000, seed=3
         ).score()["index1"]
         assert again.value == value
     # One block less was not enough.
@@ -341,6 +341,11 @@ def test_the_example_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     text = capsys.readouterr().out
     assert text == EXAMPLE
     study, out = tmp_path / "study.toml", tmp_path / "r.nc"
+    main(["study", "--example", str(study)])
+    assert study.read_text() == text
+    with pytest.raises(SystemExit):
+        main(["study", "--example", str(study)])
+    assert "there already" in capsys.readouterr().err
     study.write_text(text.replace("trials = 200", "trials = 20"))
     main(["study", str(study)])
     assert "6 conditions, 240 trials" in capsys.readouterr().out
@@ -367,7 +372,7 @@ def test_kept_evaluations_are_shown_and_drawn(
     evaluation = evaluate(trials=20, max_steps=5000)
     evaluation.save(kept)
     main(["show", str(kept)])
-    assert capsys.readouterr().out.strip() == repr(evaluation)
+    assert capsys.readouterr().out.rstrip("\n") == repr(evaluation)
     main(["plot", str(kept), "--out", str(tmp_path / "e.png")])
     assert (tmp_path / "e.png").stat().st_size > 5000
 

@@ -6,6 +6,8 @@ import argparse
 import os
 from pathlib import Path
 
+from pcjax.cli.parts import check_writable
+from pcjax.results import save_text
 from pcjax.study import EXAMPLE, load_study
 from pcjax.sweep import Plan
 
@@ -14,17 +16,28 @@ def add_study(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
     add = parser.add_argument
     add("study", type=Path, nargs="?", default=None, metavar="FILE", help="to be checked")
-    add("--example", action="store_true", help="print a commented study file that runs")
+    add(
+        "--example",
+        action="store_true",
+        help="print a commented study that runs; with FILE, write it there",
+    )
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    if arguments.example == (arguments.study is not None):
-        raise ValueError("name a study file, or ask for --example")
+    path = arguments.study
     if arguments.example:
-        print(EXAMPLE, end="")
+        if path is None:
+            print(EXAMPLE, end="")
+            return
+        check_writable(path)
+        if path.exists():
+            raise ValueError(f"{path} is there already: name another file for the example")
+        save_text(EXAMPLE, path)
         return
-    study = load_study(arguments.study)
+    if path is None:
+        raise ValueError("name a study file, or ask for --example")
+    study = load_study(path)
     print(study.to_toml())
     if study.sweep is not None:
         print(Plan(study).describe(os.cpu_count() or 1))
