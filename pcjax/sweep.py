@@ -204,7 +204,7 @@ def _duration(seconds: float) -> str:
     for size, unit in ((86_400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
         if seconds > 2 * size:
             return f"{seconds / size:.0f} {unit}"
-    return f"{max(seconds, 1.0):.0f} seconds"
+    return f"{seconds:.0f} seconds" if seconds > 10 else "some seconds"
 
 
 # --------------------------------------------------------------------------------- what is kept
