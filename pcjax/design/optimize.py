@@ -63,10 +63,10 @@ class Settings:
         ValueError: a number out of range.
     """
 
-    iterations: int = 36
+    iterations: int = 44
     starts: int = 1
     rate: float = 0.4
-    wide: float = 2.0
+    wide: float = 4.0
     check_every: int = 6
     check_trials: int = 1000
     accept_trials: int = 10_000
