@@ -432,8 +432,9 @@ class _Reader:
 
     def body(self, hand: HandDesign, drive: WristTilt | PlanarArm) -> Circle | Stick:
         kind = self.word("body", "kind", ("circle", "stick"), "circle")
-        names = ("kind", "radius") + (("orientation_deg",) if kind == "stick" else ())
-        self.table("body", names)
+        given = self.table("body", ("kind", "radius", "orientation_deg"))
+        if kind == "circle" and "orientation_deg" in given:
+            raise ValueError("[body] orientation_deg does not apply to a circle")
         wrist = isinstance(drive, WristTilt)
         usual = 0.05 * float(hand.palm_length) if wrist else paper.ARM_RADIUS
         radius = self.number("body", "radius", usual)

@@ -408,7 +408,10 @@ def test_optimize_prints_one_object_and_keeps_a_hand_that_evaluate_reads(
 ):
     line = f"{QUICK_OPTIMUM} --json --out best.toml --plot best.png --checkpoint state.json"
     told = one_object(command(line))
-    assert set(told) == {"start", "best", "improvement", "iterations", "trials", "wall_seconds"}
+    assert list(told) == [
+        *("start", "best", "improvement", "iterations", "trials", "invalid", "wall_seconds")
+    ]
+    assert told["invalid"] == 0
     for side in ("start", "best"):
         assert set(told[side]) == {"parameters", "score"}
         assert set(told[side]["parameters"]) == {"fingertip_angle_deg", "fingertip_length"}
@@ -670,7 +673,7 @@ BAD_GEOMETRY = [
 ]
 BAD_WORDS = [
     refused("evaluat", "evaluat", "did you mean evaluate"),
-    refused("destroy", "destroy", "evaluate, optimize, map, animate, export, figure"),
+    refused("destroy", "destroy", "evaluate, optimize, study, sweep, show, plot, map, animate"),
     refused("evaluate --radus 5", "--radus", "did you mean --radius"),
     refused("evaluate --fingertip-angel=5", "--fingertip-angel", "did you mean --fingertip-angle"),
     refused("figure 12 --trails 10", "--trails", "did you mean --trials"),
@@ -760,7 +763,8 @@ BAD_OPTIMIZE = [
     refused("optimize --accept-trials 1", "accept_trials", "1"),
     refused("optimize --max-steps 12345", "12345", "10000"),
     refused("optimize --seed -1", "seed", "-1"),
-    refused("optimize --dt 0.1", "--dt"),
+    refused("optimize --dt 0", "dt", "0"),
+    refused("optimize --limit 'gap-width <= 5'", "gap_width", "is not free"),
     refused("optimize missing.toml", "missing.toml"),
 ]
 BAD_DRAWINGS = [
