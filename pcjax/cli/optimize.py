@@ -213,8 +213,8 @@ def as_text(found: Optimum, space: DesignSpace, surrogate: Surrogate, seconds: f
     rounds = f"{found.progress.iteration} iterations, " if found.progress.history else ""
     if found.invalid:
         lines.append(
-            f"{found.invalid:,} trials went wrong with some hand and were left out of all its "
-            "comparisons: try a smaller --dt"
+            f"{found.invalid:,} {'trial' if found.invalid == 1 else 'trials'} went wrong with some "
+            "hand, left out of all its comparisons"
         )
     stop = "interrupted after " if found.interrupted else ""
     lines.append(f"{stop}{rounds}{found.trials:,} trials, {seconds:.1f} s")
