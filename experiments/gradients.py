@@ -173,18 +173,23 @@ def main() -> None:
     draw(two).savefig(RESULTS / "gradients.png", dpi=110)
 
 
-def agreement(rows: list[dict], name: str, of: str) -> tuple[float, float, int, int, float]:
-    """Cosine and slope against the truth, right signs of those that the truth is sure of, and the
-    median standard error per degree of the angles."""
+def agreement(rows: list[dict], name: str, of: str) -> tuple[float, float, float, int, int, float]:
+    """Cosine, slope and its standard error against the truth, right signs of those that the truth
+    is sure of, how many that are, and the median standard error per degree of the angles."""
     mine = [row for row in rows if row["estimator"] == name and row["of"] == of]
-    value, truth = (np.array([float(row[key]) for row in mine]) for key in ("value", "truth"))
+    value, truth, noise, truth_noise = (
+        np.array([float(row[key]) for row in mine]) for key in ("value", "truth", "se", "truth_se")
+    )
+    slope = float(value @ truth / (truth @ truth))
+    noise = np.hypot(noise, slope * truth_noise)
     sure = np.array([abs(float(row["truth"])) > 3 * float(row["truth_se"]) for row in mine])
     errors = [float(row["se"]) / 10 for row in mine if "angle" in row["parameter"]]
     cosine = float(value @ truth) / math.sqrt((value @ value) * (truth @ truth))
     right = int(np.sum(np.sign(value[sure]) == np.sign(truth[sure])))
     return (
         cosine,
-        float(value @ truth / (truth @ truth)),
+        slope,
+        float(np.sqrt((truth * noise) @ (truth * noise)) / (truth @ truth)),
         right,
         int(sure.sum()),
         float(np.median(errors)),
@@ -203,11 +208,11 @@ def table(rows: list[dict]) -> str:
         designs = {(row["group"], row["design"]): float(row["seconds"]) for row in mine}
         share = np.median([float(row["largest_share"]) for row in mine])
         cells = [agreement(rows, name, of) for of in ("does", "eoen", "score")]
-        shown = [f"{c:.3f}, {s:.2f}" for c, s, *_ in cells]
-        right, sure = (sum(cell[k] for cell in cells) for k in (2, 3))
+        shown = [f"{c:.3f}, {s:.2f} ± {se:.2f}" for c, s, se, *_ in cells]
+        right, sure = (sum(cell[k] for cell in cells) for k in (3, 4))
         lines.append(
             f"| {name} | {np.mean(list(designs.values())):.1f} | {' | '.join(shown)} "
-            f"| {right}/{sure} | {cells[2][4]:.4f} | {share:.3f} |"
+            f"| {right}/{sure} | {cells[2][5]:.4f} | {share:.3f} |"
         )
     return "\n".join(lines)
 
