@@ -152,7 +152,7 @@ class Plan:
         """What is about to be done, in a line; with another on conditions that cannot be run."""
         about = "at most " if self.study.run.precision_target else ""
         lines = [
-            f"{len(self.points):,} conditions, {about}{self.trials:,} trials; roughly "
+            f"{len(self.points):,} conditions, {about}{self.trials:,} trials; "
             f"{_duration(self.seconds(cores))} on {cores} cores"
         ]
         bad = [k for k, problem in enumerate(self.problems) if problem]
@@ -203,8 +203,8 @@ def _cell(study: Study, scenario: Scenario) -> Cell:
 def _duration(seconds: float) -> str:
     for size, unit in ((86_400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
         if seconds > 2 * size:
-            return f"{seconds / size:.0f} {unit}"
-    return f"{seconds:.0f} seconds" if seconds > 10 else "some seconds"
+            return f"roughly {seconds / size:.0f} {unit}"
+    return f"roughly {seconds:.0f} seconds" if seconds > 10 else "some seconds"
 
 
 # --------------------------------------------------------------------------------- what is kept
