@@ -224,7 +224,7 @@ def draw(found: dict[str, Any]) -> Figure:
     figure.colorbar(points, ax=ways, label="exact score")
     for row in found["two"]:
         way = np.array([*row["path"], row["end"]])
-        ways.plot(*way.T, ".-", color="white", lw=1.2, mec="black", mew=0.4)
+        ways.plot(*way.T, ".-", color="black", lw=0.7, ms=4, mec="white", mew=0.4)
         ways.plot(*way[-1], "*", color="C3", ms=12, mec="white")
     ways.plot(*found["grid"]["best"], "o", mfc="none", mec="C3", ms=14, label="best on the grid")
     ways.set(xlabel="fingertip angle [deg]", ylabel="fingertip length", title="five starts")
