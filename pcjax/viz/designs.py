@@ -123,8 +123,8 @@ def draw_map(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogat
     _draw_regions(axis, space, surrogate, space.least_gap(1.0), hatched=False)
     for n, steps in enumerate(found.progress.history):
         way = np.array([step.design for step in steps] + [found.candidates[n][0]])
-        axis.plot(*way.T, ".-", color="white", lw=1, ms=5, mec="black", mew=0.4)
-    axis.plot(*found.best, "*", color=COLOURS[1], ms=14, mec="white")
+        axis.plot(*way.T, ".-", color="white", lw=1, ms=5, mec="black", mew=0.4, zorder=3)
+    axis.plot(*found.best, "*", color=COLOURS[1], ms=14, mec="white", zorder=4)
     axis.set(title="path; grey: not allowed")
 
 
@@ -147,7 +147,7 @@ def plot_map(data: tuple[xr.Dataset, DesignSpace, Surrogate]) -> Figure:
         marks.append(("current", *at, "*", attrs["current_score"], attrs["current_se"]))
     for name, x, y, marker, value, se in marks:
         label = f"{name} hand: {value:,.4g} ± {se:.2g}" if np.isfinite(value) else f"{name} hand"
-        style = {"mfc": COLOURS[1], "mec": "white", "ms": 15 if marker == "*" else 8}
+        style = {"mfc": COLOURS[1], "mec": "white", "ms": 15 if marker == "*" else 8, "zorder": 4}
         handles += axis.plot(x, y, marker, ls="none", label=label, clip_on=False, **style)
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=9, frameon=False)
     axis.set_title(
@@ -163,7 +163,7 @@ def _draw_score(axis: Axes, xs: np.ndarray, ys: np.ndarray, score: np.ndarray, n
     axis.figure.colorbar(filled, ax=axis, label=name)
     levels = list(filled.levels)[1:-1:2]
     lines = axis.contour(xs, ys, score, levels, colors="white", linewidths=0.7)
-    axis.clabel(lines, fontsize=8)
+    axis.clabel(lines, fontsize=8, zorder=2)
 
 
 def _without_holes(values: np.ndarray) -> np.ndarray:
@@ -187,8 +187,9 @@ def _draw_regions(
         if not np.any(values < edge):
             continue
         hatches = [hatch if hatched else None]
-        axis.contourf(*fine, values, [-1.0, edge], colors=colour, hatches=hatches)
-        axis.contour(*fine, values, [edge], colors="0.3", linewidths=1)
+        # Above the score's lines and their labels, below the paths.
+        axis.contourf(*fine, values, [-1.0, edge], colors=colour, hatches=hatches, zorder=2.2)
+        axis.contour(*fine, values, [edge], colors="0.3", linewidths=1, zorder=2.3)
         handles.append(Patch(fc=colour, ec="0.3", hatch=hatch, label=label))
     names = [p.name.replace("_", " ") + (f" [{p.unit}]" if p.unit else "") for p in space.free]
     axis.set(xlabel=names[0], ylabel=names[1])
