@@ -384,7 +384,7 @@ class Mixture:
         >>> import pcjax
         >>> both = pcjax.Mixture(pcjax.Differences(), pcjax.Pathwise(), (("contact_layer", 0.2),))
         >>> both.first.directions
-        'factorial'
+        'axial'
     """
 
     first: Estimator
