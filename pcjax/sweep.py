@@ -31,8 +31,9 @@ from pcjax.engines.ensemble import STATUS_NAMES, Outcomes, run
 from pcjax.engines.lanes import Engine
 from pcjax.model.body import Circle
 from pcjax.model.drive import WristTilt
+from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario, check_geometry
-from pcjax.physics.step import PAPER_DT
+from pcjax.physics.step import PAPER_DT, PASSED
 from pcjax.quality.indices import Estimate
 from pcjax.results import WATCHED, indices_of, package_version, save_dataset, save_text, score_of
 from pcjax.study import Study
@@ -45,6 +46,9 @@ PATIENCE = 20.0
 
 _CONDITIONS = 16
 """Conditions, each in one direction, in a task."""
+
+_FEWEST_PASSED = 10
+"""Trials that have to have passed before an interval is believed."""
 
 _COST = {"event": 0.18e-3, "circle": 2.5e-3, "stick": 5e-3}
 """Rough processor seconds of a trial of the paper's length, on a core of 2023."""
@@ -387,7 +391,7 @@ def run_sweep(
         _bench(scheduler) as do,
     ):
         for first, trials, stages in _waves(study):
-            going = [key for key in plan.cells if not _enough(study, samples, key[0])]
+            going = [key for key in plan.cells if not _enough(plan, samples, key[0])]
             bar.total -= (len(plan.cells) - len(going)) * trials
             tasks = [
                 task
@@ -476,11 +480,19 @@ def _estimates(
     return each, score_of(steps, np.stack([cell.status[:used] for cell in cells]))
 
 
-def _enough(study: Study, samples: Mapping[tuple[int, str], _Samples], condition: int) -> bool:
-    """Whether a condition's score is known as well as was asked for."""
-    target = study.run.precision_target
+def _enough(plan: Plan, samples: Mapping[tuple[int, str], _Samples], condition: int) -> bool:
+    """Whether a condition's score is known as well as was asked for.
+
+    While hardly anything has passed, the interval says nothing, unless nothing can.
+    """
+    study, target = plan.study, plan.study.run.precision_target
     if target is None or samples[condition, study.directions[0]].used == 0:
         return False
+    for direction in study.directions:
+        cell = plan.cells[condition, direction]
+        passed = np.sum(samples[condition, direction].status == PASSED)
+        if passed < _FEWEST_PASSED and not full_cage(cell.gap, float(cell.scenario.body.width)):
+            return False
     each, score = _estimates(study, samples, condition)
     estimate = each[study.directions[0]]["index1"] if score is None else score["index1"]
     return estimate.high - estimate.low <= 2 * target * estimate.value

@@ -278,9 +278,10 @@ def test_a_condition_stops_once_it_is_precise_enough(tmp_path: Path) -> None:
         assert again.value == value
     # One block less was not enough.
     short = replace(study, run=replace(study.run, trials=int(used[0]) - 20))
-    less = run_sweep(short, tmp_path / "less.nc").score.sel(fingertip_angle_deg=0.0)
-    value, _, low, high = less.sel(index="index1").values
-    assert high - low > 2 * target * value
+    less = run_sweep(short, tmp_path / "less.nc").sel(fingertip_angle_deg=0.0)
+    value, _, low, high = less.score.sel(index="index1").values
+    passed = less["count"].sel(status_name="passed").values
+    assert high - low > 2 * target * value or passed.min() < 10
 
 
 def test_a_huge_sweep_is_refused_at_once() -> None:
