@@ -19,13 +19,11 @@ from hypothesis import strategies as st
 from pcjax.design.compare import compare
 from pcjax.design.optimize import Settings, Step, at_rest, optimize, starting_designs
 from pcjax.design.space import DesignSpace, design_space, nearest_within
-from pcjax.model.body import Circle, Stick
-from pcjax.model.contact_law import ContactLaw
+from pcjax.model.body import Circle
 from pcjax.model.drive import WristTilt
-from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
+from pcjax.model.hand import box_hand
 from pcjax.quality.gradients import Gradient
 from pcjax.quality.surrogate import Surrogate, Task
-from pcjax.study import Study, load_study
 
 BOX = box_hand(math.radians(10))
 TASK = Task(Circle(25.0), WristTilt(), ("does", "eoen"), 20_000)
@@ -297,57 +295,3 @@ def test_comparisons_are_paired() -> None:
     assert 0 < found.improvement(0, 1).se < 0.7 * apart
     same = compare(SURROGATE, tips(), [designs[0]] * 2, trials=200, seed=1).improvement(0, 1)
     assert (same.value, same.se) == (0.0, 0.0)
-
-
-# --------------------------------------------------------------------------------- study files
-
-
-@pytest.mark.parametrize(
-    "study",
-    [
-        Study(BOX, Circle(20.0), WristTilt(gravity=5.0), ContactLaw(restitution=0.3)),
-        Study(
-            HandDesign(400.0, ((300.0, 200.0), (310.0, 190.0)), ((1.5, 1.0), (1.6, 0.9))),
-            Stick(30.0, 0.7),
-            WristTilt(),
-            ContactLaw(),
-        ),
-    ],
-)
-def test_a_study_file_gives_back_the_study(study: Study, tmp_path: Path) -> None:
-    path = tmp_path / "hand.toml"
-    path.write_text(study.to_toml())
-    back = load_study(path)
-    assert jax.tree.structure(back.hand) == jax.tree.structure(study.hand)
-    for mine, other in zip(
-        jax.tree.leaves((back.hand, back.body, back.drive, back.law)),
-        jax.tree.leaves((study.hand, study.body, study.drive, study.law)),
-        strict=True,
-    ):
-        assert float(mine) == pytest.approx(float(other), rel=1e-9)
-
-
-GOOD = Study(two_joint_hand(), Circle(50.0), WristTilt(), ContactLaw()).to_toml()
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (GOOD.replace("[hand]", "[hand"), "no TOML"),
-        (GOOD.replace("[hand]", "[hnad]"), "did you mean hand"),
-        (GOOD.replace("palm_length", "palm_lenght"), "did you mean palm_length"),
-        (GOOD.replace("palm_length = 200.0", ""), "palm_length is missing"),
-        (GOOD.replace("palm_length = 200.0", "palm_length = '2'"), "has to be a number"),
-        (GOOD.replace("palm_length = 200.0", "palm_length = -2"), "above 0"),
-        (GOOD.replace("lengths = [[200.0, 100.0], ", "lengths = ["), "two lists"),
-        (GOOD.replace('"circle"', '"square"'), "circle or stick"),
-        (GOOD.replace("radius", "orientation_deg"), "does not apply"),
-        ("hand = 3", "has to be a table"),
-    ],
-)
-def test_bad_study_files_are_refused(text: str, words: str, tmp_path: Path) -> None:
-    path = tmp_path / "bad.toml"
-    path.write_text(text)
-    with pytest.raises(ValueError, match=words) as caught:
-        load_study(path)
-    assert "bad.toml" in str(caught.value)

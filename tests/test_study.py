@@ -1,0 +1,190 @@
+"""Study files: what is written is read back, presets are the paper's hands, and bad files are
+refused in one line that names table, key and the nearest name."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+from pcjax.model.arm import PlanarArm
+from pcjax.model.body import Circle, Stick
+from pcjax.model.contact_law import ContactLaw
+from pcjax.model.drive import WristTilt
+from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
+from pcjax.study import EXAMPLE, Run, Study, Sweep, load_study
+
+BOX = box_hand(math.radians(10))
+
+
+def read(text: str, folder: Path) -> Study:
+    path = folder / "study.toml"
+    path.write_text(text)
+    return load_study(path)
+
+
+@pytest.mark.parametrize(
+    "study",
+    [
+        Study(BOX, Circle(20.0), WristTilt(gravity=5.0), ContactLaw(restitution=0.3)),
+        Study(
+            HandDesign(400.0, ((300.0, 200.0), (310.0, 190.0)), ((1.5, 1.0), (1.6, 0.9))),
+            Stick(30.0, 0.7),
+            WristTilt(),
+            ContactLaw(),
+        ),
+    ],
+)
+def test_a_study_file_gives_back_the_study(study: Study, tmp_path: Path) -> None:
+    path = tmp_path / "hand.toml"
+    path.write_text(study.to_toml())
+    back = load_study(path)
+    assert jax.tree.structure(back.hand) == jax.tree.structure(study.hand)
+    for mine, other in zip(
+        jax.tree.leaves((back.hand, back.body, back.drive, back.law)),
+        jax.tree.leaves((study.hand, study.body, study.drive, study.law)),
+        strict=True,
+    ):
+        assert float(mine) == pytest.approx(float(other), rel=1e-9)
+
+
+GOOD = Study(two_joint_hand(), Circle(50.0), WristTilt(), ContactLaw()).to_toml()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (GOOD.replace("[hand]", "[hand"), "no TOML"),
+        (GOOD.replace("[hand]", "[hnad]"), "did you mean hand"),
+        (GOOD.replace("palm_length", "palm_lenght"), "did you mean palm_length"),
+        (GOOD.replace("palm_length = 200.0", ""), "palm_length is missing"),
+        (GOOD.replace("palm_length = 200.0", "palm_length = '2'"), "has to be a number"),
+        (GOOD.replace("palm_length = 200.0", "palm_length = -2"), "above 0"),
+        (GOOD.replace("lengths = [[200.0, 100.0], ", "lengths = ["), "two lists"),
+        (GOOD.replace('"circle"', '"square"'), "circle or stick"),
+        (GOOD.replace("radius", "orientation_deg"), "does not apply"),
+        ("hand = 3", "has to be a table"),
+    ],
+)
+def test_bad_study_files_are_refused(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "bad.toml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=words) as caught:
+        load_study(path)
+    assert "bad.toml" in str(caught.value)
+
+
+def test_everything_in_a_file_comes_back(tmp_path: Path) -> None:
+    study = Study(
+        two_joint_hand(),
+        Stick(40.0, 0.3),
+        PlanarArm(gravity=3.0, ramp_time=4.0, gravity_direction=0.5),
+        ContactLaw(restitution=0.4, resting_speed=0.02),
+        Run("does", 300, 50_000, 7, 0.2, "stepping", 0.005, 64, 0.02),
+        Sweep({"joint_angle_12_deg": (60.0, 65.5), "gravity": (1.0, 2.0)}, zipped=True),
+    )
+    back = read(study.to_toml(), tmp_path)
+    assert back.to_toml() == study.to_toml()
+    assert (back.run, back.sweep) == (study.run, study.sweep)
+    assert read(EXAMPLE, tmp_path).sweep is not None
+
+
+def test_presets_and_what_is_left_out_are_the_papers(tmp_path: Path) -> None:
+    box = read('[hand]\npreset = "box"\nfingertip_angle_deg = 25\ngap_width = 240', tmp_path)
+    same = box_hand(math.radians(25), gap_width=240.0)
+    for mine, other in zip(jax.tree.leaves(box.hand), jax.tree.leaves(same), strict=True):
+        assert float(mine) == pytest.approx(float(other))
+    assert float(box.body.radius) == 25.0
+    assert (box.directions, box.max_steps) == (("does", "eoen"), 600_000)
+    arm = read('[drive]\nkind = "arm"\n[body]\nkind = "stick"', tmp_path)
+    assert float(arm.hand.palm_length) == 200.0
+    assert (arm.directions, arm.max_steps) == (("does",), 180_000)
+
+
+def test_ranges_and_grids(tmp_path: Path) -> None:
+    text = """
+[sweep]
+radius = { from = 10, to = 30, step = 10 }
+fingertip_angle_1_deg = { from = 0, to = 1, points = 2 }
+"""
+    conditions = read(text, tmp_path).conditions()
+    points = [tuple(point.values()) for point, _ in conditions]
+    assert points == [(r, a) for r in (10.0, 20.0, 30.0) for a in (0.0, 1.0)]
+    for (radius, angle), (_, study) in zip(points, conditions, strict=True):
+        assert float(study.body.radius) == radius
+        assert math.degrees(float(study.hand.angles[0][-1])) == pytest.approx(90 - angle)
+        assert study.hand.angles[1] == BOX.angles[1]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "read_back"),
+    [
+        ("gravity", 3.0, lambda s: s.drive.gravity),
+        ("amplitude_deg", 20.0, lambda s: np.degrees(s.drive.amplitude)),
+        ("period", 20.0, lambda s: s.drive.period),
+        ("restitution", 0.7, lambda s: s.law.restitution),
+        ("start_spread", 0.3, lambda s: s.scenarios()["does"].start_spread),
+        ("palm_length", 450.0, lambda s: s.hand.palm_length),
+        ("gap_width", 150.0, lambda s: s.hand.finger(1)[-1].start.x - s.hand.finger(0)[-1].start.x),
+        ("link_length_21", 430.0, lambda s: s.hand.lengths[1][0]),
+    ],
+)
+def test_a_swept_number_is_that_number(name: str, value: float, read_back) -> None:
+    study = Study(BOX, Circle(20.0), WristTilt(), ContactLaw()).having({name: value})
+    assert float(read_back(study)) == pytest.approx(value, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            "[hand]\nfingertip_angle = 3",
+            r"\[hand\] fingertip_angle: did you mean fingertip_angle_deg",
+        ),
+        ("[hand]\nfingertip_angle_deg = '10 deg'", "has to be a number, in degrees"),
+        ('[hand]\npreset = "bxo"', "did you mean box"),
+        ("[hand]\npalm_length = 1\nlengths = [[1, 2], [3]]", r"\[hand\] angles_deg is missing"),
+        (
+            "[hand]\npalm_length = 9\nlengths = [[1, 2], [3, 1]]\nangles_deg = [[90, 90], [90]]",
+            "finger 2 has 2 lengths and 1 angles",
+        ),
+        ("[hand]\npalm_length = 3\nfoo", "at end of document"),
+        ("[body]\nradius = true", r"\[body\] radius is True: it has to be a number"),
+        ('[drive]\nkind = "arm"\namplitude_deg = 3', r"unknown key \[drive\] amplitude_deg"),
+        ('[drive]\nkind = "arm"\nlengths = [1, 2]', "a list of 3 numbers"),
+        ("[run]\ntrails = 3", "did you mean trials"),
+        ("[run]\ntrials = 3.5", "has to be a whole number"),
+        ("[run]\ntrials = 1", r"\[run\] trials is 1"),
+        ('[run]\nengine = "fast"', "auto or event or stepping"),
+        ("[run]\nprecision_target = 0", r"\[run\] precision_target"),
+        ('[drive]\nkind = "arm"\n[run]\ndirection = "both"', "EoEn needs a hand"),
+        ("[sweep]", "empty"),
+        ("[sweep]\nfingertip_angle = [1]", "did you mean fingertip_angle_deg"),
+        ("[sweep]\nraduis = [1]", "did you mean radius"),
+        ("[sweep]\njoint_angle_9_deg = [1]", "there is no joint_angle_9_deg"),
+        ("[sweep]\norientation_deg = [1]", "a circle has no orientation"),
+        ("[sweep]\nradius = []", "radius has no values"),
+        ("[sweep]\nradius = 'a'", "a list of numbers, or a range"),
+        ("[sweep]\nradius = [1, 1]", "a value twice"),
+        ("[sweep]\nradius = [-1]", "has to be above 0"),
+        ("[sweep]\nradius = [nan]", "finite"),
+        ("[sweep]\nradius = { from = 1, to = 2 }", "either points or step"),
+        ("[sweep]\nradius = { from = 1, to = 2, setp = 1 }", "did you mean step"),
+        ("[sweep]\nradius = { from = 1, to = 2, points = 1_000_000 }", "points is 1000000"),
+        ("[sweep]\nradius = { from = 3, to = 2, step = 1 }", "has to lead up"),
+        ('[sweep]\nmode = "zip"\nradius = [1, 2]\ngravity = [3]', "radius 2, gravity 1"),
+        (
+            "[sweep]\nradius = { from = 1, to = 5, points = 1000 }\n"
+            "gravity = { from = 1, to = 5, points = 1000 }",
+            "1,000,000 conditions",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(text: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=words) as caught:
+        read(text, tmp_path)
+    assert "study.toml: " in str(caught.value) or "study.toml is no TOML" in str(caught.value)
+    assert "\n" not in str(caught.value)
