@@ -8,7 +8,8 @@ import json
 import math
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -75,6 +76,31 @@ def provenance(run: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A new file beside `path` that takes its place once the block is done: whole or not at all.
+
+    Raises:
+        OSError: it cannot be written; the error names `path`.
+    """
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        os.close(handle)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+    mask = os.umask(0)
+    os.umask(mask)
+    try:
+        yield Path(name)
+        os.chmod(name, 0o666 & ~mask)
+        os.replace(name, path)
+    except BaseException as error:
+        os.unlink(name)
+        if isinstance(error, OSError):
+            raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+        raise
+
+
 def save_dataset(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     """Writes netCDF; a file of that name is replaced only once the new one is complete.
 
@@ -82,30 +108,16 @@ def save_dataset(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
         OSError: the file cannot be written.
     """
     path = Path(path)
-    handle, unfinished = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    os.close(handle)
-    mask = os.umask(0)
-    os.umask(mask)
-    try:
-        compress = {
-            name: {"zlib": True, "complevel": 9} for name, var in dataset.items() if var.ndim
-        }
+    compress = {name: {"zlib": True, "complevel": 9} for name, var in dataset.items() if var.ndim}
+    with replacing(path) as unfinished:
         dataset.to_netcdf(unfinished, engine="h5netcdf", encoding=compress)
-        os.chmod(unfinished, 0o666 & ~mask)
-        os.replace(unfinished, path)
-    except BaseException as error:
-        os.unlink(unfinished)
-        if isinstance(error, OSError):
-            raise OSError(error.errno, error.strerror or str(error), str(path)) from error
-        raise
     return path
 
 
 def save_text(text: str, path: Path) -> None:
     """Writes a text file; one of that name is replaced only once the new one is complete."""
-    unfinished = path.with_name(f".{path.name}.unfinished")
-    unfinished.write_text(text, encoding="utf-8")
-    os.replace(unfinished, path)
+    with replacing(path) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
 
 
 def engines_text(names: str, dt: Any) -> str:

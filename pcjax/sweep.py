@@ -12,7 +12,6 @@ import json
 import math
 import os
 import shutil
-import tempfile
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
@@ -35,7 +34,15 @@ from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario, check_geometry
 from pcjax.physics.step import PAPER_DT, PASSED
 from pcjax.quality.indices import Estimate
-from pcjax.results import WATCHED, indices_of, package_version, save_dataset, save_text, score_of
+from pcjax.results import (
+    WATCHED,
+    indices_of,
+    package_version,
+    replacing,
+    save_dataset,
+    save_text,
+    score_of,
+)
 from pcjax.study import Study
 
 BLOCK = 1000
@@ -259,20 +266,14 @@ class Parts:
         Raises:
             OSError: they cannot be written; what was kept before is still there.
         """
-        path = self.folder / f"{task.name}.npz"
         watch = np.zeros(0, np.float32) if outcomes.watch is None else outcomes.watch
-        handle, unfinished = tempfile.mkstemp(dir=self.folder, prefix=".unfinished.")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                np.savez_compressed(file, steps=outcomes.steps, status=outcomes.status, watch=watch)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(unfinished, path)
-        except BaseException as error:
-            os.unlink(unfinished)
-            if isinstance(error, OSError):
-                raise OSError(error.errno, error.strerror or str(error), str(path)) from error
-            raise
+        with (
+            replacing(self.folder / f"{task.name}.npz") as unfinished,
+            unfinished.open("wb") as file,
+        ):
+            np.savez_compressed(file, steps=outcomes.steps, status=outcomes.status, watch=watch)
+            file.flush()
+            os.fsync(file.fileno())
 
     def remove(self) -> None:
         """Removes the folder."""
