@@ -87,7 +87,7 @@ def evaluate(
     if body is None:
         body = Circle(0.05 * hand.palm_length if wrist else paper.ARM_RADIUS)
     if direction is None:
-        direction = "both" if hand.can_turn_fingertips() else "does"
+        direction = "both" if not why_no_eoen(hand) else "does"
     max_steps = default_max_steps(body, drive) if max_steps is None else max_steps
     if direction not in (*DIRECTIONS, "both"):
         raise ValueError(f"direction is {direction!r}: it has to be 'does', 'eoen' or 'both'")

@@ -102,6 +102,41 @@ def unit_and_length(vector: Vec) -> tuple[Vec, Scalar]:
     return vector * inverse, square * inverse
 
 
+class Mirror(eqx.Module):
+    """A mirror in the plane.
+
+    Attributes:
+        turn: cosine and sine of twice the angle of its line.
+        origin: the image of the origin.
+
+    Examples:
+        >>> from pcjax.planar import Mirror, Vec
+        >>> mirror = Mirror.along(Vec(0.0, 5.0), Vec(1.0, 0.0))
+        >>> mirror.point(Vec(2.0, 1.0))
+        Vec(x=2.0, y=9.0)
+    """
+
+    turn: Vec
+    origin: Vec
+
+    @classmethod
+    def along(cls, point: Vec, direction: Vec) -> Mirror:
+        """The mirror through a point along a unit vector."""
+        c, s = direction.x, direction.y
+        turn = Vec(c * c - s * s, 2.0 * c * s)
+        normal = Vec(-s, c)
+        return cls(turn, normal * (2.0 * normal.dot(point)))
+
+    def vector(self, vector: Vec) -> Vec:
+        """The image of a velocity or an acceleration."""
+        c, s = self.turn.x, self.turn.y
+        return Vec(c * vector.x + s * vector.y, s * vector.x - c * vector.y)
+
+    def point(self, point: Vec) -> Vec:
+        """The image of a point."""
+        return self.origin + self.vector(point)
+
+
 class Segment(eqx.Module):
     """A straight segment: `start`, unit `tangent` and `length`."""
 
@@ -124,21 +159,30 @@ class Segment(eqx.Module):
         return unit_and_length(self.offset(point))[1]
 
 
-def segments_cross(a: Segment, b: Segment) -> Flag:
-    """Whether two segments cut through each other or lie on each other; touching is neither."""
-
-    small = 1e-9 * (a.length + b.length)
+def cut_through(a: Segment, b: Segment) -> Flag:
+    """Whether two segments cut through each other; touching does not count."""
+    small = _negligible(a, b)
 
     def on_both_sides(of: Segment, by: Segment) -> Flag:
         # Rounding puts segments on one line a little to either side of each other.
         sides = [by.tangent.cross(point - by.start) for point in (of.start, of.end)]
         return (jnp.minimum(*sides) < -small) & (jnp.maximum(*sides) > small)
 
+    return on_both_sides(a, b) & on_both_sides(b, a)
+
+
+def _negligible(a: Segment, b: Segment) -> Scalar:
+    return 1e-9 * (a.length + b.length)
+
+
+def segments_cross(a: Segment, b: Segment) -> Flag:
+    """Whether two segments cut through each other or lie on each other; touching is neither."""
+    small = _negligible(a, b)
     ends = [a.tangent.dot(point - a.start) for point in (b.start, b.end)]
     shared = jnp.minimum(jnp.maximum(*ends), a.length) - jnp.maximum(jnp.minimum(*ends), 0.0)
     off_line = [jnp.abs(a.tangent.cross(point - a.start)) for point in (b.start, b.end)]
     on_each_other = (jnp.maximum(*off_line) < small) & (shared > small)
-    return (on_both_sides(a, b) & on_both_sides(b, a)) | on_each_other
+    return cut_through(a, b) | on_each_other
 
 
 def closest_points(a: Segment, b: Segment) -> tuple[Vec, Vec]:
@@ -156,3 +200,14 @@ def closest_pair(pairs: Sequence[tuple[Vec, Vec]]) -> tuple[Vec, Vec]:
         nearer = apart.dot(apart) < least.dot(least)
         best = where(nearer, pair[0], best[0]), where(nearer, pair[1], best[1])
     return best
+
+
+def is_inside(corners: Sequence[Vec], point: Vec) -> Flag:
+    """Whether a point is inside a polygon without self-crossings (even-odd rule)."""
+    inside = jnp.asarray(False)
+    for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
+        straddles = (a.y > point.y) != (b.y > point.y)
+        # Which side of the edge, without a division.
+        left = (b - a).cross(point - a) * jnp.where(b.y > a.y, 1.0, -1.0) > 0
+        inside = inside ^ (straddles & left)
+    return inside

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, Protocol
 
 import equinox as eqx
@@ -12,7 +13,7 @@ from jaxtyping import Array, Float
 
 from pcjax.checks import check_between, check_finite, check_positive
 from pcjax.model.motion import Motion
-from pcjax.planar import Flag, Scalar, Vec, where
+from pcjax.planar import Flag, Mirror, Scalar, Vec, where
 
 
 class Drive(Protocol):
@@ -92,6 +93,8 @@ class WristTilt(eqx.Module):
         gravity: g, length / s^2.
         ramp_time: seconds of each period in which the wrist turns (fixed when compiled).
         period: seconds between draws of new targets (fixed when compiled).
+        turned: cosine and sine of an angle by which gravity is turned in the hand's plane (see
+            `mirrored`).
 
     Raises:
         ValueError: an amplitude outside [0, pi/2], a ramp longer than the period, a period that
@@ -111,6 +114,7 @@ class WristTilt(eqx.Module):
     gravity: Scalar
     ramp_time: float = eqx.field(static=True)
     period: float = eqx.field(static=True)
+    turned: Vec
 
     targets_per_period = 2
 
@@ -120,6 +124,7 @@ class WristTilt(eqx.Module):
         gravity: Scalar = 9.8,
         ramp_time: float = 1.0,
         period: float = 10.0,
+        turned: Vec | None = None,
     ):
         check_between("amplitude", amplitude, 0.0, math.pi / 2)
         check_finite("gravity", gravity)
@@ -131,6 +136,15 @@ class WristTilt(eqx.Module):
         self.gravity = gravity
         self.ramp_time = float(ramp_time)
         self.period = float(period)
+        self.turned = Vec(1.0, 0.0) if turned is None else turned
+
+    def mirrored(self, mirror: Mirror) -> WristTilt:
+        """The wrist as it is seen in a mirror that is fixed to the hand.
+
+        Which of T2 and -T2 was drawn is even chance, so a mirror along the palm leaves the wrist
+        what it is, and another one along a line at an angle phi turns its gravity by 2 phi.
+        """
+        return replace(self, turned=mirror.turn)
 
     def swing(self, before: Float[Array, "2"], draws: Float[Array, "2"], first: Flag) -> Swing:
         """The period that follows the draws `before` with `draws`, both uniform on [0, 1).
@@ -204,6 +218,7 @@ class WristTilt(eqx.Module):
 
     def _gravity_at(self, tilt: Vec) -> Vec:
         # (1), first two components
-        return Vec(
-            self.gravity * jnp.sin(tilt.x), -self.gravity * jnp.cos(tilt.x) * jnp.sin(tilt.y)
-        )
+        x = self.gravity * jnp.sin(tilt.x)
+        y = -self.gravity * jnp.cos(tilt.x) * jnp.sin(tilt.y)
+        c, s = self.turned.x, self.turned.y
+        return Vec(x * c - y * s, x * s + y * c)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
+import operator
 from itertools import pairwise
 from typing import Any
 
@@ -10,16 +12,19 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Float
 
 from pcjax.checks import check_finite, check_positive
 from pcjax.planar import (
     Flag,
+    Mirror,
     Scalar,
     Segment,
     Vec,
     closest_pair,
     closest_points,
+    cut_through,
     segments_cross,
     unit_and_length,
     where,
@@ -169,23 +174,88 @@ class HandDesign(eqx.Module):
         ]
         return ("the palm", *fingers)
 
-    def can_turn_fingertips(self) -> bool:
-        """Whether turned fingertips leave a box: EoEn is defined for three limbs or more a finger.
+    def region(self) -> tuple[Vec, ...]:
+        """The corners of what limbs and goal line enclose, counterclockwise from the palm's left
+        end; a corner may be there twice."""
+        left, right = self.finger(0), self.finger(1)
+        goal = channel_between(left[-1], right[-1]).goal
+        up = [limb.start for limb in right[1:]]
+        down = [limb.start for limb in reversed(left[1:])]
+        return (left[0].start, right[0].start, *up, goal.b, goal.a, *down)
 
-        With two they leave an open hand, which confines nothing.
+    def faces(self) -> Flag:
+        """Whether finger 1's fingertip is on the left of finger 2's: their joints, seen along the
+        palm, and their ends, seen along the line through the joints."""
+        tips = self.finger(0)[-1], self.finger(1)[-1]
+        joints, ends = tips[1].start - tips[0].start, tips[1].end - tips[0].end
+        return (joints.x > 0) & (joints.dot(ends) > 0)
+
+    def blocked_goal(self) -> Flag:
+        """Whether a limb cuts through the goal line."""
+        goal = self.goal()
+        tangent, length = unit_and_length(goal.b - goal.a)
+        line = Segment(goal.a, tangent, length)
+        found = [cut_through(line, limb) for limb in self.limbs()]
+        return functools.reduce(operator.or_, found)
+
+    def with_fingertips_mirrored(self) -> HandDesign:
+        """The hand for EoEn (Fig. 8(b)): both fingertips mirrored across the line through their
+        joints, by one isometry, so that the gap between them is the same.
+
+        Each keeps its joint; only the angles of the last joints change.
+
+        Examples:
+            For the box hand each fingertip turns to the other side of its lid:
+
+            >>> import math, pcjax
+            >>> hand = pcjax.box_hand(math.radians(10))
+            >>> mirrored = hand.with_fingertips_mirrored()
+            >>> [round(math.degrees(float(angles[-1])), 6) for angles in mirrored.angles]
+            [-80.0, -80.0]
         """
-        return min(len(lengths) for lengths in self.lengths) > 2
+        hand, numbers = self._in_numbers()
+        _, slope, headings = hand._tip_line(numbers)
+        # A direction a becomes 2 slope - a. Headings are counted from +x for finger 2 and from -x,
+        # the other way round, for finger 1.
+        rows = []
+        for angles, heading, side in zip(hand.angles, headings, (-1.0, 1.0), strict=True):
+            turn = 2.0 * (heading - side * slope)
+            turn = turn - 2.0 * math.pi * numbers.round(turn / (2.0 * math.pi))
+            rows.append((*angles[:-1], -angles[-1] - turn))
+        return HandDesign(self.palm_length, self.lengths, (rows[0], rows[1]))
 
-    def with_fingertips_turned(self) -> HandDesign:
-        """The hand for EoEn (Fig. 8(b)): each fingertip turned to its limb's other side."""
-        turned = [(*angles[:-1], -angles[-1]) for angles in self.angles]
-        return HandDesign(self.palm_length, self.lengths, (turned[0], turned[1]))
+    def tip_mirror(self) -> Mirror:
+        """The mirror along the line through the fingertips' joints."""
+        hand, numbers = self._in_numbers()
+        joint, slope, _ = hand._tip_line(numbers)
+        return Mirror.along(joint, Vec(numbers.cos(slope), numbers.sin(slope)))
+
+    def _in_numbers(self) -> tuple[HandDesign, Any]:
+        """The hand, and the module to calculate with: plain numbers keep all their digits."""
+        if any(isinstance(leaf, Tracer) or np.ndim(leaf) for leaf in jax.tree.leaves(self)):
+            return self, jnp
+        return jax.tree.map(float, self), np
+
+    def _tip_line(self, numbers: Any) -> tuple[Vec, Scalar, list[Scalar]]:
+        """Finger 1's fingertip's joint, the slope (radians) of the line from there to finger 2's,
+        and the headings of the limbs before the fingertips."""
+        places, headings = [], []
+        for lengths, angles, side in zip(self.lengths, self.angles, (-1.0, 1.0), strict=True):
+            place, heading = Vec(side * self.palm_length / 2, 0.0), 0.0
+            for length, angle in zip(lengths[:-1], angles[:-1], strict=True):
+                heading = heading + angle
+                place = place + Vec(side * numbers.cos(heading), numbers.sin(heading)) * length
+            places.append(place)
+            headings.append(heading)
+        along = places[1] - places[0]
+        return places[0], numbers.arctan2(along.y, along.x), headings
 
 
 def channel_between(tip_1: Segment, tip_2: Segment) -> Channel:
-    """The passage between two fingertips; its outer ends are those farther out along +y."""
+    """The passage between two fingertips; its outer ends are those farther out."""
     joints, ends = Goal(tip_1.start, tip_2.start), Goal(tip_1.end, tip_2.end)
-    ends_out = ends.a.y + ends.b.y > joints.a.y + joints.b.y
+    # Seen from the line through the joints, so that mirrored fingertips swap the two.
+    ends_out = joints.beyond(ends.a) + joints.beyond(ends.b) > 0
     outer = Goal(where(ends_out, ends.a, joints.a), where(ends_out, ends.b, joints.b))
     inner = Goal(where(ends_out, joints.a, ends.a), where(ends_out, joints.b, ends.b))
     return Channel(outer, inner)
@@ -255,8 +325,6 @@ def two_joint_hand(
     Examples:
         >>> import math, pcjax
         >>> hand = pcjax.two_joint_hand(math.radians(90), math.radians(90))
-        >>> hand.can_turn_fingertips()
-        False
         >>> [round(float(limb.end.y), 1) for limb in hand.finger(0)]
         [200.0, 200.0]
     """

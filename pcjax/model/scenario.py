@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from pcjax.checks import check_between
-from pcjax.model.body import Body, Stick
+from pcjax.model.body import Body, Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import Drive, WristTilt
 from pcjax.model.hand import Goal, HandDesign
-from pcjax.planar import Flag, Scalar, Segment, T, Vec
+from pcjax.model.mirrored import MirroredDrive
+from pcjax.planar import (
+    Flag,
+    Scalar,
+    Segment,
+    Vec,
+    cut_through,
+    is_inside,
+    unit_and_length,
+)
 
 
 class World(eqx.Module):
@@ -94,14 +105,17 @@ class Scenario(eqx.Module):
 
         A stick starts where the circle that it can turn in does. That circle touches the palm and
         its first limb at one of the two ends (even chance), plus U(0, start_spread L_p) inwards
-        along the palm and the same along the hand's axis.
+        along the palm and the same along the hand's axis. Where the first limb leans in, the circle
+        is shifted along the palm so as to stay as far from it.
         """
         left = draws[0] < 0.5
         spread = self.start_spread * self.hand.palm_length
         side = jnp.where(left, -1.0, 1.0)
         corner = jnp.where(left, self._corner_inset(0), self._corner_inset(1))
-        x = side * (self.hand.palm_length / 2 - corner - draws[1] * spread)
-        return Vec(x, self.body.radius + draws[2] * spread)
+        lean = jnp.where(left, self._lean(0), self._lean(1))
+        up = draws[2] * spread
+        x = side * (self.hand.palm_length / 2 - corner - draws[1] * spread - lean * up)
+        return Vec(x, self.body.radius + up)
 
     def corner_start(self) -> Vec:
         """The start closest to the corner at the palm's right end."""
@@ -111,86 +125,166 @@ class Scenario(eqx.Module):
         # The circle's centre lies on the bisector of the corner between palm and first limb.
         return self.body.radius * jnp.tan(self.hand.angles[finger][0] / 2)
 
-    def start_clearance(self) -> Scalar:
-        """Least distance between the circle and a limb over all starts; negative: does not fit."""
-        corners = [
-            self.start(jnp.array([end, along, up]))
+    def _lean(self, finger: int) -> Scalar:
+        # How far the first limb comes in for each unit of height; a right angle is none.
+        angle = self.hand.angles[finger][0]
+        rise = jnp.sin(angle)
+        leans = (jnp.cos(angle) < -1e-6) & (rise > 0)
+        return jnp.where(leans, -jnp.cos(angle) / jnp.where(leans, rise, 1.0), 0.0)
+
+    def fit(self) -> Fit:
+        """Whether its starts are where they have to be; for numbers that may be traced."""
+        boxes = [
+            [
+                self.start(jnp.array([end, along, up]))
+                for along, up in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
+            ]
             for end in (0.0, 0.9)
-            for along in (0.0, 1.0)
-            for up in (0.0, 1.0)
         ]
-        ends = ((0, 1), (0, 2), (1, 3), (2, 3), (4, 5), (4, 6), (5, 7), (6, 7))
-        limbs = _stacked(self.hand.limbs())
-        # A limb comes closest to a rectangle at a corner of one or at an end of the other, unless
-        # it cuts through; then it cuts an edge or has an end inside.
-        least = jnp.min(_each_with_each(Segment.distance)(limbs, _stacked(corners)))
-        for point in (limbs.start, limbs.end):
-            for first in (0, 4):
-                apart = _distance_to_box(point, corners[first], corners[first + 3])
-                least = jnp.minimum(least, jnp.min(apart))
-        edges = [_stacked([corners[pair[k]] for pair in ends]) for k in (0, 1)]
-        cut = _each_with_each(lambda limb, edge: _cuts(limb, *edge))(limbs, tuple(edges))
-        return jnp.where(jnp.any(cut), 0.0, least) - self.body.radius
+        limbs = self.hand.limbs()
+        goal = self.hand.goal()
+        region = self.hand.region()
+        least, outside = jnp.inf, jnp.asarray(False)
+        for corners in boxes:
+            for limb in limbs:
+                least = jnp.minimum(least, _distance_to_box(limb.start, limb.end, corners))
+            crossed = _distance_to_box(goal.a, goal.b, corners) <= 0.0
+            outside = outside | crossed | jnp.logical_not(is_inside(region, corners[0]))
+        return Fit(least - self.body.radius, outside)
 
 
-def _stacked(items: Sequence[T]) -> T:
-    """One pytree with the items along a first axis."""
-    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *items)
+class Fit(eqx.Module):
+    """How the object fits at its starts.
+
+    Attributes:
+        clearance: least distance between the circle and a limb over all starts; negative: it does
+            not fit.
+        outside: whether some start is not inside what limbs and goal line enclose.
+    """
+
+    clearance: Scalar
+    outside: Flag
 
 
-def _each_with_each(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """For a batch of first arguments and one of second ones, all pairs."""
-    return jax.vmap(jax.vmap(function, (None, 0)), (0, None))
+def _distance_to_box(start: Vec, end: Vec, corners: Sequence[Vec]) -> Scalar:
+    """Distance from a segment to a filled parallelogram; 0 where they meet."""
+    tangent, length = unit_and_length(end - start)
+    segment = Segment(start, tangent, length)
+    least, cut = jnp.inf, is_inside(corners, start) | is_inside(corners, end)
+    for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
+        tangent, length = unit_and_length(b - a)
+        edge = Segment(a, tangent, length)
+        for distance in (
+            segment.distance(a),
+            edge.distance(start),
+            edge.distance(end),
+        ):
+            least = jnp.minimum(least, distance)
+        cut = cut | cut_through(segment, edge)
+    return jnp.where(cut, 0.0, least)
 
 
-def _distance_to_box(point: Vec, a: Vec, b: Vec) -> Scalar:
-    """Distance from a point to the filled box with opposite corners a and b."""
-    dx = point.x - jnp.clip(point.x, jnp.minimum(a.x, b.x), jnp.maximum(a.x, b.x))
-    dy = point.y - jnp.clip(point.y, jnp.minimum(a.y, b.y), jnp.maximum(a.y, b.y))
-    return jnp.sqrt(dx * dx + dy * dy)
+class _Geometry(eqx.Module):
+    """What is checked of a scenario before it is run."""
+
+    fit: Fit
+    gap: Scalar
+    crossings: dict[tuple[str, str], Flag]
+    faces: Flag
+    blocked: Flag
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> _Geometry:
+        hand = scenario.hand
+        return cls(
+            scenario.fit(), hand.gap(), hand.crossings(), hand.faces(), hand.blocked_goal()
+        )
 
 
-def _cuts(limb: Segment, a: Vec, b: Vec) -> Flag:
-    """Whether a limb cuts the line from a to b."""
-    along = b - a
-    by_limb = limb.tangent.cross(a - limb.start) * limb.tangent.cross(b - limb.start) < 0
-    by_line = along.cross(limb.start - a) * along.cross(limb.end - a) < 0
-    return by_limb & by_line
+_geometry = jax.jit(_Geometry.of)
 
 
-@jax.jit
-def _geometry(scenario: Scenario) -> tuple[Scalar, Scalar, dict[tuple[str, str], Flag]]:
-    return scenario.start_clearance(), scenario.hand.gap(), scenario.hand.crossings()
+def is_possible(scenario: Scenario) -> Flag:
+    """Whether `check_geometry` accepts a scenario; for numbers that may be traced."""
+    found = _Geometry.of(scenario)
+    crossed = jnp.any(jnp.array(list(found.crossings.values())))
+    fits = found.fit.clearance >= _slack(scenario)
+    good = found.faces & ~found.blocked & ~crossed
+    return good & fits & ~found.fit.outside
+
+
+def _slack(scenario: Scenario) -> Scalar:
+    return -1e-9 * scenario.hand.palm_length
 
 
 def check_geometry(scenario: Scenario) -> float:
     """Checks a scenario whose numbers are concrete and returns the hand's gap.
 
     Raises:
-        ValueError: limbs that cross each other or the palm, or an object that does not fit at one
-            of its starts.
+        ValueError: limbs that cross each other or the palm, fingertips that have swapped sides, a
+            limb that cuts the goal line, an object that does not fit at one of its starts, or a
+            start that is not inside what limbs and goal line enclose.
     """
-    with jax.enable_x64(True):
-        clearance, gap, crossings = jax.device_get(_geometry(scenario))
-    for (a, b), crossed in crossings.items():
+    found = _concrete(scenario)
+    for (a, b), crossed in found.crossings.items():
         if crossed:
             raise ValueError(
                 f"{b} crosses {a}: limbs may touch but not cross; shorten it or change its angle"
             )
-    if clearance < -1e-9 * float(scenario.hand.palm_length):
+    if not found.faces:
+        raise ValueError(
+            "the fingertips have swapped sides: finger 1's has to stay on the left of finger 2's "
+            "for there to be a gap between them; shorten a limb or change a joint angle"
+        )
+    if found.blocked:
+        raise ValueError(
+            "a limb cuts the goal line between the fingertips, so nothing tells inside from "
+            "outside; shorten it or change a joint angle"
+        )
+    if found.fit.clearance < _slack(scenario):
         shape = "stick of half length" if isinstance(scenario.body, Stick) else "circle of radius"
         raise ValueError(
             f"the {shape} {float(scenario.body.radius):g} does not fit at its start "
-            f"near the palm's ends (it overlaps a limb by {-clearance:.3g}): "
-            "a smaller one or a smaller start spread fits"
+            f"near the palm's ends (it overlaps a limb by {-found.fit.clearance:.3g}): "
+            + _advice(scenario)
         )
-    return float(gap)
+    if found.fit.outside:
+        raise ValueError(
+            "the object would start beyond the goal line, outside of what the hand encloses: "
+            + _advice(scenario)
+        )
+    return float(found.gap)
+
+
+def _concrete(scenario: Scenario) -> _Geometry:
+    with jax.enable_x64(True):
+        return jax.device_get(_geometry(scenario))
+
+
+def _advice(scenario: Scenario) -> str:
+    """What would let the object start inside the hand, found by trying."""
+
+    def starts(spread: float, shrunk: float = 1.0) -> bool:
+        radius = scenario.body.radius
+        other = eqx.tree_at(lambda s: s.start_spread, scenario, spread)
+        if shrunk != 1.0:
+            other = replace(other, body=Circle(radius * shrunk))
+        fit = _concrete(other).fit
+        return bool(fit.clearance >= _slack(scenario) and not fit.outside)
+
+    spread = float(scenario.start_spread)
+    tried = [spread * (1 - k / 20) for k in range(1, 21)]
+    fitting = next((share for share in tried if starts(share)), None)
+    if fitting is not None:
+        return f"start_spread (now {spread:g}) has to be {fitting:.3g} or less"
+    if starts(0.0, 1e-3):
+        return "take a smaller object, and a smaller start_spread; start_spread alone does not help"
+    return "change the joint angles; no object and no start_spread would do"
 
 
 def gap_of(scenario: Scenario) -> float:
     """The hand's gap, for a scenario whose numbers are concrete."""
-    with jax.enable_x64(True):
-        return float(_geometry(scenario)[1])
+    return float(_concrete(scenario).gap)
 
 
 def does(
@@ -222,10 +316,12 @@ def eoen(
 ) -> Scenario:
     """Ease of entering (Fig. 8(b)): the object has to pass the fingertips from their back.
 
-    It is outside but virtually confined: the same box, the fingertips turned to the other side.
+    It is outside but virtually confined, in a box that mirrors the hand's body. The scenario is
+    that seen in the mirror: the hand's body, with both fingertips mirrored across the line through
+    their joints, and the drive mirrored along.
 
     Raises:
-        ValueError: a finger with fewer than three limbs, which leaves no box.
+        ValueError: a hand without EoEn, see `why_no_eoen`. Traced numbers are not checked.
 
     Examples:
         >>> import pcjax
@@ -233,12 +329,50 @@ def eoen(
         >>> print(f"{scenario.hand.goal().a.y:.1f}")  # the line between the fingertips' ends
         600.0
     """
-    if not hand.can_turn_fingertips():
-        raise ValueError(
-            "EoEn needs a hand with three limbs or more a finger: with two, turned fingertips "
-            "leave an open hand that confines nothing; evaluate with direction 'does'"
+    problem = why_no_eoen(hand)
+    if problem:
+        raise ValueError(f"EoEn is not defined for this hand: {problem}")
+    drive = WristTilt() if drive is None else drive
+    mirror = hand.tip_mirror()
+    own = getattr(drive, "mirrored", None)
+    drive = MirroredDrive(drive, mirror) if own is None else own(mirror)
+    return Scenario(hand.with_fingertips_mirrored(), body, drive, law, start_spread)
+
+
+def why_no_eoen(hand: HandDesign) -> str:
+    """Why ease of entering is not defined for a hand; "" where it is, or its numbers are traced."""
+    if min(len(lengths) for lengths in hand.lengths) < 2:
+        return (
+            "with one limb a finger nothing but the palm is left to confine an object outside; "
+            "evaluate with direction 'does'"
         )
-    return Scenario(hand.with_fingertips_turned(), body, drive, law, start_spread)
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(hand)):
+        return ""
+    with jax.enable_x64(True):
+        gap, mirrored, crossings = jax.device_get(_seen_from_outside(hand))
+    for (a, b), crossed in crossings.items():
+        if crossed:
+            return f"seen from outside {b} crosses {a}; evaluate with direction 'does'"
+    if not same_gap(gap, mirrored):
+        return (
+            f"a fingertip is {min(gap, mirrored):.4g} from another limb than the other fingertip, "
+            f"so that the gap is {gap:.4g} for escaping and would be {mirrored:.4g} for entering; "
+            "evaluate with direction 'does'"
+        )
+    return ""
+
+
+def same_gap(gap: Any, other: Any) -> Any:
+    """Whether two gaps are the same number, but for rounding."""
+    return abs(gap - other) <= 1e-9 * (gap + other)
+
+
+@jax.jit
+def _seen_from_outside(
+    hand: HandDesign,
+) -> tuple[Scalar, Scalar, dict[tuple[str, str], Flag]]:
+    mirrored = hand.with_fingertips_mirrored()
+    return hand.gap(), mirrored.gap(), mirrored.crossings()
 
 
 DIRECTIONS = {"does": does, "eoen": eoen}
