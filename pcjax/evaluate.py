@@ -19,7 +19,7 @@ from pcjax.model.body import Body, Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import Drive, WristTilt
 from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
-from pcjax.model.scenario import DIRECTIONS, Scenario, check_geometry
+from pcjax.model.scenario import DIRECTIONS, Scenario, check_geometry, default_direction
 from pcjax.physics.step import INVALID, PAPER_DT
 from pcjax.results import WATCHED, Evaluation, parameters, provenance
 
@@ -54,7 +54,7 @@ def evaluate(
             its two-joint hand at 65 and 90 deg on the arm.
         body: the object; a circle of radius 0.05 L_p on the wrist and 50 on the arm unless given.
         direction: "does" (difficulty of escaping), "eoen" (ease of entering) or "both", which also
-            gives the score; unless given, both for a hand that has both.
+            gives the score; unless given, both for a hand that has both, and "does" on an arm.
         drive: what moves the hand; the paper's wrist unless given.
         law: contact law; the paper's unless given.
         start_spread: spread of the starts near the palm's ends, in palm lengths.
@@ -87,7 +87,7 @@ def evaluate(
     if body is None:
         body = Circle(0.05 * hand.palm_length if wrist else paper.ARM_RADIUS)
     if direction is None:
-        direction = "both" if not why_no_eoen(hand) else "does"
+        direction = default_direction(hand, drive)
     max_steps = default_max_steps(body, drive) if max_steps is None else max_steps
     if direction not in (*DIRECTIONS, "both"):
         raise ValueError(f"direction is {direction!r}: it has to be 'does', 'eoen' or 'both'")
@@ -246,8 +246,5 @@ def _run_each(
     )
     for engine in dict.fromkeys(engines):
         chosen = [k for k, other in enumerate(engines) if other == engine]
-        part = run([scenarios[k] for k in chosen], engine=engine, **settings)
-        outcomes.steps[chosen], outcomes.status[chosen] = part.steps, part.status
-        if outcomes.watch is not None:
-            outcomes.watch[chosen] = part.watch
+        outcomes.put(chosen, run([scenarios[k] for k in chosen], engine=engine, **settings))
     return outcomes

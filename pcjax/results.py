@@ -202,7 +202,8 @@ class Evaluation:
             "long_name": "escape step, or the limit",
         }
         first = next(iter(scenarios.values()))
-        passages = jax.device_get([s.hand.narrowest_passage() for s in scenarios.values()])
+        with jax.enable_x64(True):
+            passages = jax.device_get([s.hand.narrowest_passage() for s in scenarios.values()])
         gaps = [math.hypot(b.x - a.x, b.y - a.y) for a, b in passages]
         starts = jax.device_get([s.corner_start() for s in scenarios.values()])
         watched = {}

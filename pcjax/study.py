@@ -23,7 +23,7 @@ from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
 from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
-from pcjax.model.scenario import DIRECTIONS, Scenario
+from pcjax.model.scenario import DIRECTIONS, Scenario, default_direction
 
 MOST_CONDITIONS = 100_000
 """Of a sweep."""
@@ -145,7 +145,7 @@ class Study:
         """Of "does" and "eoen", those to be evaluated."""
         chosen = self.run.direction
         if chosen is None:
-            chosen = "both" if self.hand.can_turn_fingertips() else "does"
+            chosen = default_direction(self.hand, self.drive)
         return tuple(DIRECTIONS) if chosen == "both" else (chosen,)
 
     @property

@@ -85,7 +85,9 @@ def _run(arguments: argparse.Namespace) -> None:
     ]
     if len(dict(sides)) < 2:
         raise ValueError(f"--x and --y are both {sides[0][0]}: they have to differ")
-    space = design_space(study.hand, dict(sides), float(study.body.width), 0.0)
+    space = design_space(
+        study.hand, dict(sides), float(study.body.width), 0.0, (), study.directions
+    )
     task = task_of(study)
     surrogate = Surrogate(
         task, objective=arguments.objective, form="exact", trials=arguments.trials, dt=study.run.dt

@@ -126,7 +126,12 @@ def _run(arguments: argparse.Namespace) -> None:
         if names.count(name) > 1:
             raise ValueError(f"--free {name} is there twice")
     space = design_space(
-        study.hand, dict(free), float(study.body.width), arguments.clearance, arguments.limit
+        study.hand,
+        dict(free),
+        float(study.body.width),
+        arguments.clearance,
+        arguments.limit,
+        study.directions,
     )
     task = task_of(study)
     surrogate = Surrogate(

@@ -17,6 +17,7 @@ from pcjax.design.baselines import grid_lines
 from pcjax.design.compare import score_all
 from pcjax.design.space import DesignSpace
 from pcjax.model.hand import full_cage
+from pcjax.model.scenario import fits, is_hand
 from pcjax.quality.surrogate import Surrogate
 from pcjax.results import provenance
 
@@ -24,16 +25,15 @@ from pcjax.results import provenance
 def shapes(
     surrogate: Surrogate, space: DesignSpace, designs: Float[np.ndarray, "*shape parameters"]
 ) -> tuple[Float[np.ndarray, "*shape"], Bool[np.ndarray, "*shape"]]:
-    """The gaps of many hands, and which of them can be: lengths above 0, no limbs that cross in
-    any of the task's directions, and room for the object at its starts."""
-    least = -1e-9 * float(space.base.palm_length)
+    """The gaps of many hands, and which of them can be: lengths above 0, hands in all of the
+    task's directions, and room for the object at its starts."""
 
     def one(design: Array) -> tuple[Array, Array]:
         hand = space.hand(design)
         there = jnp.all(jnp.array([length > 0 for row in hand.lengths for length in row]))
+        there = there & is_hand(hand, surrogate.task.directions)
         for scenario in surrogate.task.scenarios(hand):
-            crossed = jnp.any(jnp.array(list(scenario.hand.crossings().values())))
-            there = there & jnp.logical_not(crossed) & (scenario.start_clearance() >= least)
+            there = there & fits(scenario)
         return jnp.asarray(hand.gap()), there
 
     flat = designs.reshape(-1, len(space.free))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -14,6 +15,7 @@ from scipy.optimize import nnls
 
 from pcjax.checks import check_between, check_finite, did_you_mean
 from pcjax.model.hand import HandDesign
+from pcjax.model.scenario import is_hand, why_no_eoen
 from pcjax.planar import Flag, Scalar
 
 Rows = list[list[Scalar]]
@@ -264,6 +266,7 @@ class DesignSpace:
         clearance: the least that the gap has to be wider than the object, a length.
         width: of the object.
         limits: linear ones, in addition.
+        directions: in which the hands have to be hands (see `is_hand`).
 
     Raises:
         ValueError: nothing free, a parameter twice, or a negative clearance.
@@ -274,6 +277,7 @@ class DesignSpace:
     clearance: float
     width: float
     limits: tuple[Limit, ...] = ()
+    directions: tuple[str, ...] = ("does",)
 
     def __post_init__(self) -> None:
         if not self.free:
@@ -338,13 +342,13 @@ class DesignSpace:
         )
 
     def spare(self, design: Float[np.ndarray, " parameters"]) -> tuple[float, bool]:
-        """How much wider than object and clearance the gap is, and whether limbs cross."""
+        """How much wider than object and clearance the gap is, and whether that is no hand."""
         with jax.enable_x64(True):
-            gap, crossings = jax.device_get(_gap_and_crossings(self.hand(design)))
-        return float(gap) - self.width - self.clearance, any(crossings)
+            gap, good = jax.device_get(_gap_and_verdict(self.hand(design), self.directions))
+        return float(gap) - self.width - self.clearance, not good
 
     def allowed(self, design: Float[np.ndarray, " parameters"]) -> bool:
-        """Whether a design is within bounds and limits, has its clearance, and no limbs cross."""
+        """Whether a design is within bounds and limits, has its clearance, and is a hand."""
         slack = 1e-9 * np.abs(self.scales)
         inside = np.all(design >= self.low - slack) and np.all(design <= self.high + slack)
         for limit in self.limits:
@@ -354,12 +358,12 @@ class DesignSpace:
         return bool(inside) and self.open(design, 1.0)
 
     def open(self, design: Float[np.ndarray, " parameters"], share: float) -> bool:
-        """Whether the gap leaves that share of the clearance and no limbs cross."""
+        """Whether the gap leaves that share of the clearance, and it is a hand."""
         try:
-            spare, crossed = self.spare(design)
+            spare, wrong = self.spare(design)
         except ValueError:  # a length of 0 or less
             return False
-        return spare + (1.0 - share) * self.clearance > -1e-6 * self.width and not crossed
+        return spare + (1.0 - share) * self.clearance > -1e-6 * self.width and not wrong
 
     def nearest_allowed(
         self,
@@ -383,7 +387,7 @@ class DesignSpace:
             if self.allowed(design):
                 return design
             if self.spare(design)[1]:
-                # Fingers that cross have no gap whose gradient could help.
+                # Fingers that cross, say, have no gap whose gradient could help.
                 design = inside + 0.8 * (design - inside)
                 continue
             normals, room = self._edges(design)
@@ -455,9 +459,9 @@ class DesignSpace:
         return {p.label: float(v) for p, v in zip(self.free, design, strict=True)}
 
 
-@jax.jit
-def _gap_and_crossings(hand: HandDesign) -> tuple[Scalar, list[Flag]]:
-    return hand.gap(), list(hand.crossings().values())
+@functools.partial(jax.jit, static_argnames="directions")
+def _gap_and_verdict(hand: HandDesign, directions: tuple[str, ...]) -> tuple[Scalar, Flag]:
+    return hand.gap(), is_hand(hand, directions)
 
 
 def design_space(
@@ -466,6 +470,7 @@ def design_space(
     width: float,
     clearance: float | None = None,
     limits: Sequence[str] = (),
+    directions: Sequence[str] | None = None,
 ) -> DesignSpace:
     """The hands that differ from `hand` in the parameters named.
 
@@ -475,6 +480,8 @@ def design_space(
         width: of the object, a length.
         clearance: the least that the gap has to be wider; 0.04 L_p unless given.
         limits: linear limits as text, see `linear_limit`.
+        directions: of "does" and "eoen", those that are to be evaluated; both for a hand that has
+            both unless given.
 
     Raises:
         ValueError: see `parameter`, `linear_limit` and `DesignSpace`.
@@ -489,4 +496,6 @@ def design_space(
     parameters = [parameter(name, hand, *(span or (None, None))) for name, span in bounds.items()]
     least = 0.04 * float(hand.palm_length) if clearance is None else clearance
     linear = tuple(linear_limit(text, parameters) for text in limits)
-    return DesignSpace(hand, tuple(parameters), least, width, linear)
+    if directions is None:
+        directions = ("does",) if why_no_eoen(hand) else ("does", "eoen")
+    return DesignSpace(hand, tuple(parameters), least, width, linear, tuple(directions))

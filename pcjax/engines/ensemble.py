@@ -28,8 +28,10 @@ from pcjax.engines.cloud import Cloud
 from pcjax.engines.draws import period_draws, start_draws, trial_key
 from pcjax.engines.lanes import Engine, Lanes, with_progress, with_states
 from pcjax.engines.relaxation import NOWHERE, Progress
+from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import Scenario
 from pcjax.physics.step import INVALID, PAPER_DT, PASSED, RUNNING, begin
+from pcjax.planar import Vec
 
 LIMIT = 3
 """Status of a trial that reached the step limit."""
@@ -72,6 +74,13 @@ class Outcomes:
     watch: Float32[np.ndarray, "conditions trials 3"] | None = None
     progress: Float[np.ndarray, "conditions trials 3"] | None = None
     final: Float[np.ndarray, "conditions trials 4"] | None = None
+
+    def put(self, conditions: Sequence[int], part: Outcomes) -> None:
+        """Fills in the outcomes of some conditions, which were run on their own."""
+        for name in ("steps", "status", "watch", "progress", "final"):
+            whole = getattr(self, name)
+            if whole is not None:
+                whole[conditions] = getattr(part, name)
 
     @classmethod
     def blank(
@@ -130,8 +139,8 @@ def run(
     """Runs trials `first` to `first + trials - 1` of every scenario.
 
     Arguments:
-        scenarios: conditions with equal structure (numbers of limbs, kind of drive, period), which
-            then share one compiled program; their numbers may differ.
+        scenarios: conditions. Those of equal structure (numbers of limbs, kind of drive, period)
+            share one compiled program; their numbers may differ.
         trials: trials per condition.
         first: number of the first; 0 with a cloud.
         max_steps: limit in steps of 0.001 s, whatever step the engine takes.
@@ -145,7 +154,7 @@ def run(
         keep_final: whether to keep where each trial was in the end.
 
     Raises:
-        ValueError: a count out of range, or scenarios of unequal structure.
+        ValueError: a count out of range, or objects of which some turn and others do not.
     """
     turns = scenarios[0].body.turns
     outcomes = Outcomes.blank(
@@ -160,11 +169,29 @@ def run(
     check_count("first", first, 0, 2**31 - 1 - trials)
     if precision not in (32, 64):
         raise ValueError(f"precision is {precision!r}: it has to be 32 or 64 (bits)")
-    if len({jax.tree.structure(scenario) for scenario in scenarios}) != 1:
-        raise ValueError(
-            "the scenarios differ in structure: conditions that run together need the same "
-            "numbers of limbs, the same drive, the same kind of object and the same kind of contact"
-        )
+    if any(scenario.body.turns != turns for scenario in scenarios):
+        raise ValueError("some of the objects turn and others do not: run them one after the other")
+    kinds: dict[Any, list[int]] = {}
+    for k, scenario in enumerate(scenarios):
+        kinds.setdefault(jax.tree.structure(scenario), []).append(k)
+    if len(kinds) > 1:
+        for chosen in kinds.values():
+            part = run(
+                [scenarios[k] for k in chosen],
+                trials=trials,
+                first=first,
+                max_steps=max_steps,
+                seed=seed,
+                engine=engine,
+                precision=precision,
+                block=block,
+                workers=workers,
+                progress=progress,
+                cloud=cloud,
+                keep_final=keep_final,
+            )
+            outcomes.put(chosen, part)
+        return outcomes
     dtype = np.float32 if precision == 32 else np.float64
     # The compiled program depends on how many conditions there are: of a few numbers only.
     room = max(_FEWEST_CONDITIONS, 1 << (len(scenarios) - 1).bit_length())
@@ -179,7 +206,7 @@ def run(
         largest = _BLOCK.get(platform, _BLOCK_ON_ACCELERATOR)
         block = min(largest, max(_SMALLEST_BLOCK, 1 << (fair - 1).bit_length()))
     check_count("block", block, 1, 2**24)
-    ledger = _Ledger(scenarios[0].drive.period, engine, outcomes, first)
+    ledger = _Ledger(scenarios, engine, outcomes, first)
     advance = functools.partial(
         _advance_for(platform),
         engine=engine,
@@ -227,7 +254,11 @@ def _crew(devices: Sequence[Any], workers: int | None) -> list[Any]:
 class _Ledger:
     """The trials that wait and the results so far, shared by the workers."""
 
-    def __init__(self, period: float, engine: Engine, outcomes: Outcomes, first: int) -> None:
+    def __init__(
+        self, scenarios: Sequence[Scenario], engine: Engine, outcomes: Outcomes, first: int
+    ) -> None:
+        self._regions = None if engine.goal_layer is not None else _regions(scenarios)
+        self._radii = np.array([float(scenario.body.radius) for scenario in scenarios])
         self._outcomes = outcomes
         self._first = first
         self.stopped = threading.Event()
@@ -238,8 +269,8 @@ class _Ledger:
         self._busy = 0
         self._max_steps = outcomes.max_steps
         self._engine = engine
-        self._period = period
-        self.last_period = -(-outcomes.max_steps // round(period / PAPER_DT)) - 1
+        self._period = scenarios[0].drive.period
+        self.last_period = -(-outcomes.max_steps // round(self._period / PAPER_DT)) - 1
 
     def enter(self) -> None:
         with self._lock:
@@ -287,6 +318,7 @@ class _Ledger:
         all_over = (lanes.period >= self.last_period) & (lanes.time >= self._period)
         out_of_time = (lanes.status == RUNNING) & all_over
         lanes.status[ran & (late | out_of_time)] = LIMIT
+        self._look_after(lanes, np.flatnonzero(ran & (lanes.status == LIMIT)))
         ended = np.flatnonzero(ran & (lanes.status != RUNNING))
         where_to = lanes.condition[ended], lanes.trial[ended] - self._first
         with self._lock:
@@ -302,6 +334,49 @@ class _Ledger:
                 final = np.stack([lanes.x, lanes.y, lanes.vx, lanes.vy], axis=-1)
                 self._outcomes.final[where_to] = final[ended]
             self.on_end(len(ended))
+
+    def _look_after(self, lanes: Lanes, held: np.ndarray) -> None:
+        """Makes trials that count as held INVALID where the object is not in the hand."""
+        if self._regions is None or len(held) == 0:
+            return
+        condition = lanes.condition[held]
+        points = np.stack([lanes.x[held], lanes.y[held]], axis=-1).astype(float)
+        outside = _how_far_outside(points, self._regions[condition])
+        lanes.status[held[outside > _STRAY * self._radii[condition]]] = INVALID
+
+
+_STRAY = 0.01
+"""How far, in radii, an object that is held may be beyond the goal line by rounding."""
+
+
+def _regions(scenarios: Sequence[Scenario]) -> Float[np.ndarray, "conditions corners 2"]:
+    """What limbs and goal line enclose in each condition."""
+    stacked = jax.tree.map(lambda *leaves: np.asarray(leaves, float), *(s.hand for s in scenarios))
+    with jax.enable_x64(True):
+        corners = jax.device_get(_corners(stacked))
+    return np.stack([[corner.x, corner.y] for corner in corners]).transpose(2, 0, 1)
+
+
+@jax.jit
+def _corners(hands: HandDesign) -> list[Vec]:
+    zero = hands.palm_length * 0.0
+    found = jax.vmap(HandDesign.region)(hands)
+    return [corner + Vec(zero, zero) for corner in found]
+
+
+def _how_far_outside(
+    points: Float[np.ndarray, "n 2"], polygons: Float[np.ndarray, "n corners 2"]
+) -> Float[np.ndarray, " n"]:
+    """Distance of each point to its own polygon, 0 inside (even-odd rule)."""
+    a, b = polygons, np.roll(polygons, -1, axis=1)
+    along, to = b - a, points[:, None] - a
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.clip((to * along).sum(-1) / (along**2).sum(-1), 0.0, 1.0)
+        x = a[..., 0] + to[..., 1] * along[..., 0] / along[..., 1]
+    straddles = (a[..., 1] > points[:, None, 1]) != (b[..., 1] > points[:, None, 1])
+    inside = (straddles & (points[:, None, 0] < x)).sum(axis=1) % 2 == 1
+    distance = np.linalg.norm(to - np.nan_to_num(share)[..., None] * along, axis=-1).min(axis=1)
+    return np.where(inside, 0.0, distance)
 
 
 def _work(

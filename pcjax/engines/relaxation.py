@@ -50,15 +50,20 @@ class Layer(eqx.Module):
     width: Scalar
 
     @classmethod
-    def of(cls, world: World, share: float) -> Layer:
+    def of(cls, channel: Channel, share: float) -> Layer:
         """w is a share of the channel's depth. It is not differentiated: it is our choice."""
-        channel = channel_between(world.limbs[world.finger_1], world.limbs[-1])
         return cls(channel, jax.lax.stop_gradient(share * channel.depth()))
 
     @classmethod
     def all_of(cls, worlds: World, share: float | None) -> Layer | None:
         """The layers of a batch of worlds, None where the goal is exact."""
-        return None if share is None else jax.vmap(lambda world: cls.of(world, share))(worlds)
+        if share is None:
+            return None
+
+        def one(world: World) -> Layer:
+            return cls.of(channel_between(world.limbs[world.finger_1], world.limbs[-1]), share)
+
+        return jax.vmap(one)(worlds)
 
     def farthest_goal(self) -> Goal:
         """The last line of the layer: whoever crosses it is out for certain."""

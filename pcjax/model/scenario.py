@@ -13,6 +13,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from pcjax.checks import check_between
+from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Body, Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import Drive, WristTilt
@@ -193,24 +194,33 @@ class _Geometry(eqx.Module):
     faces: Flag
     blocked: Flag
 
-    @classmethod
-    def of(cls, scenario: Scenario) -> _Geometry:
-        hand = scenario.hand
-        return cls(
-            scenario.fit(), hand.gap(), hand.crossings(), hand.faces(), hand.blocked_goal()
-        )
+
+@jax.jit
+def _geometry(scenario: Scenario) -> _Geometry:
+    hand = scenario.hand
+    return _Geometry(
+        scenario.fit(), hand.gap(), hand.crossings(), hand.faces(), hand.blocked_goal()
+    )
 
 
-_geometry = jax.jit(_Geometry.of)
+def is_hand(hand: HandDesign, directions: Sequence[str]) -> Flag:
+    """Whether a hand is one in these directions: no limbs cross, the fingertips face each other
+    across a free goal line, and it has EoEn if that is asked for. The numbers may be traced."""
+    seen = {"does": hand}
+    if "eoen" in directions:
+        seen["eoen"] = hand.with_fingertips_mirrored()
+    good = jnp.asarray(True)
+    for direction in directions:
+        one = seen[direction]
+        crossed = jnp.any(jnp.array(list(one.crossings().values())))
+        good = good & one.faces() & jnp.logical_not(one.blocked_goal() | crossed)
+    return good & same_gap(hand.gap(), seen[directions[-1]].gap())
 
 
-def is_possible(scenario: Scenario) -> Flag:
-    """Whether `check_geometry` accepts a scenario; for numbers that may be traced."""
-    found = _Geometry.of(scenario)
-    crossed = jnp.any(jnp.array(list(found.crossings.values())))
-    fits = found.fit.clearance >= _slack(scenario)
-    good = found.faces & ~found.blocked & ~crossed
-    return good & fits & ~found.fit.outside
+def fits(scenario: Scenario) -> Flag:
+    """Whether the object fits at its starts, and they are inside the hand; may be traced."""
+    fit = scenario.fit()
+    return (fit.clearance >= _slack(scenario)) & jnp.logical_not(fit.outside)
 
 
 def _slack(scenario: Scenario) -> Scalar:
@@ -270,7 +280,7 @@ def _advice(scenario: Scenario) -> str:
         if shrunk != 1.0:
             other = replace(other, body=Circle(radius * shrunk))
         fit = _concrete(other).fit
-        return bool(fit.clearance >= _slack(scenario) and not fit.outside)
+        return bool(fit.clearance >= _slack(other) and not fit.outside)
 
     spread = float(scenario.start_spread)
     tried = [spread * (1 - k / 20) for k in range(1, 21)]
@@ -373,6 +383,12 @@ def _seen_from_outside(
 ) -> tuple[Scalar, Scalar, dict[tuple[str, str], Flag]]:
     mirrored = hand.with_fingertips_mirrored()
     return hand.gap(), mirrored.gap(), mirrored.crossings()
+
+
+def default_direction(hand: HandDesign, drive: Drive) -> str:
+    """What is evaluated unless a direction is asked for: both where the hand has both; in a hand
+    that an arm carries DoEs alone, as in the paper (Sec. 3.6)."""
+    return "does" if isinstance(drive, PlanarArm) or why_no_eoen(hand) else "both"
 
 
 DIRECTIONS = {"does": does, "eoen": eoen}

@@ -331,25 +331,31 @@ class Surrogate:
         A horizon's trials from the paper's starts; one that goes wrong counts as far as it came.
         """
         scenarios = [self.softened(scenario) for scenario in self.task.scenarios(hand)]
-        stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves).astype(float), *scenarios)
-        count = len(scenarios)
-        lanes = Lanes.fresh(
-            jnp.repeat(jnp.arange(count, dtype=jnp.int32), len(trials)),
-            jnp.tile(trials, count),
-            np.dtype(jnp.result_type(float)).type,
-            5 if self.task.body.turns else 0,
-        )
-        lanes = roll(engine, stacked, seed, self.periods, lanes)
-        widths = _layer_widths(stacked, self.goal_layer)
-        end = relaxed_survival(lanes.mark, widths[lanes.condition])
-        values = jnp.stack([lanes.held, end]).reshape(2, count, -1)
-        return jnp.moveaxis(values, 0, 1)
+        kinds: dict[Any, list[Scenario]] = {}
+        for scenario in scenarios:
+            kinds.setdefault(jax.tree.structure(scenario), []).append(scenario)
+        values = []
+        for alike in kinds.values():
+            stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves).astype(float), *alike)
+            count = len(alike)
+            lanes = Lanes.fresh(
+                jnp.repeat(jnp.arange(count, dtype=jnp.int32), len(trials)),
+                jnp.tile(trials, count),
+                np.dtype(jnp.result_type(float)).type,
+                5 if self.task.body.turns else 0,
+            )
+            lanes = roll(engine, stacked, seed, self.periods, lanes)
+            widths = _layer_widths(stacked.hand, self.goal_layer)
+            end = relaxed_survival(lanes.mark, widths[lanes.condition])
+            values.append(jnp.stack([lanes.held, end]).reshape(2, count, -1))
+        return jnp.moveaxis(jnp.concatenate(values, axis=1), 0, 1)
 
     def _survival(
         self, marks: Float[np.ndarray, "hands trials"], scenarios: Sequence[Scenario]
     ) -> Float[np.ndarray, "hands trials"]:
         """The relaxed survival S for marks s*."""
-        stacked = jax.tree.map(lambda *leaves: np.asarray(leaves, np.float32), *scenarios)
+        hands = [scenario.hand for scenario in scenarios]
+        stacked = jax.tree.map(lambda *leaves: np.asarray(leaves, np.float32), *hands)
         widths = _layer_widths(stacked, self.goal_layer)
         return np.asarray(relaxed_survival(jnp.asarray(marks), widths[:, None]))
 
@@ -417,8 +423,8 @@ def _judge(
 
 
 @functools.partial(jax.jit, static_argnums=1)
-def _layer_widths(stacked: Scenario, share: float) -> Array:
-    return jax.vmap(lambda scenario: jnp.asarray(Layer.of(scenario.world(), share).width))(stacked)
+def _layer_widths(hands: HandDesign, share: float) -> Array:
+    return jax.vmap(lambda hand: jnp.asarray(Layer.of(hand.channel(), share).width))(hands)
 
 
 @functools.partial(jax.jit, static_argnums=(2, 3))
