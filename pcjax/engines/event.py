@@ -29,7 +29,7 @@ from pcjax.engines.relaxation import Layer, Progress
 from pcjax.model.drive import Swing, WristTilt
 from pcjax.model.scenario import World
 from pcjax.physics.collide import Contact, two_nearest
-from pcjax.physics.respond import least_push
+from pcjax.physics.respond import impacts_in_turn, least_push
 from pcjax.physics.step import INVALID, PASSED, RUNNING
 from pcjax.planar import (
     NEVER,
@@ -219,12 +219,13 @@ def settle(
     overlap = normals[0].dot(normals[1])
     position = _pushed(flight.position, normals, least_push(overlap, *depths))
 
-    needs = []
-    for normal, depth in zip(normals, depths, strict=True):
-        approach = -flight.velocity.dot(normal)
-        kept = jnp.where(approach > law.resting_speed, law.restitution, 0.0)
-        needs.append(fence(jnp.where(depth >= -near, approach * (1.0 + kept), _NO_NEED), one))
-    velocity = _pushed(flight.velocity, normals, least_push(overlap, *needs))
+    leaving = [
+        fence(jnp.where(depth >= -near, flight.velocity.dot(normal), -_NO_NEED), one)
+        for normal, depth in zip(normals, depths, strict=True)
+    ]
+    rest = law.resting_speed
+    kicks = impacts_in_turn(law, overlap, (leaving[0], leaving[1]), (rest, rest))
+    velocity = _pushed(flight.velocity, normals, kicks)
 
     slow = _noise(velocity) + CAPTURE * law.resting_speed
     stays = [

@@ -15,6 +15,11 @@ from pcjax.planar import Scalar, Vec, fence, fence_all, safe_sqrt, unit_and_leng
 INACTIVE = -1e30
 """A bound that never binds, for a contact that is off."""
 
+MOST_IMPACTS = 16
+"""Impacts that two limbs may deal a circle in turn at one instant, before both hold it.
+
+In a corner of 15 degrees that leaves less than a thousandth of the speed undecided."""
+
 
 def bounce(
     law: ContactLaw,
@@ -102,7 +107,7 @@ def hold_off(
 
     This keeps a sliding circle on its limb and a resting one in its corner, where approach is no
     more than the step's acceleration makes it; on a straight limb it leaves the motion along the
-    limb untouched. A faster approach is one impact more in the same step; it keeps its restitution.
+    limb untouched. Faster approaches are impacts more in the same step (`impacts_in_turn`).
 
     Arguments:
         contacts: as seen from the end of the step's free motion.
@@ -117,11 +122,12 @@ def hold_off(
     overlap = normals[0].dot(normals[1])
     out = least_push(overlap, *(law.ramp(depth) for depth in depths))
     gates = [law.switch(depth) for depth in depths]
-    needs = [
-        fence(jnp.where(gate > 0, _turn_back(law, normal, end, dt), INACTIVE), one)
-        for gate, normal in zip(gates, normals, strict=True)
-    ]
-    turn = least_push(overlap, *needs)
+    leaving, resting = [], []
+    for gate, normal in zip(gates, normals, strict=True):
+        leaving.append(fence(jnp.where(gate > 0, end.relative().dot(normal), -INACTIVE), one))
+        pressing = jnp.maximum(-end.acceleration.dot(normal), 0.0)
+        resting.append(fence(law.resting_speed + pressing * dt, one))
+    turn = impacts_in_turn(law, overlap, (leaving[0], leaving[1]), (resting[0], resting[1]))
     position, velocity = end.position, end.velocity
     for normal, gate, push, stop in zip(normals, gates, out, turn, strict=True):
         position = position + normal * fence(push, one)
@@ -130,11 +136,42 @@ def hold_off(
     return Motion(position, velocity, end.acceleration, end.carry)
 
 
-def _turn_back(law: ContactLaw, normal: Vec, end: Motion, dt: Scalar) -> Scalar:
-    """The change of normal velocity (7) that a limb in contact asks for."""
-    approach = -end.relative().dot(normal)
-    resting = law.resting_speed + jnp.maximum(-end.acceleration.dot(normal), 0.0) * dt
-    return approach * (1.0 + jnp.where(approach > resting, law.restitution, 0.0))
+def impacts_in_turn(
+    law: ContactLaw,
+    overlap: Scalar,
+    leaving: tuple[Scalar, Scalar],
+    resting: tuple[Scalar, Scalar],
+) -> tuple[Scalar, Scalar]:
+    """What two limbs that are touched do to the velocity: impacts (7) one after the other.
+
+    The limb that is approached faster comes first. Its impact may send the circle into the other
+    limb, also one that it was only sliding on, and so on in turn: in an acute corner several times.
+    What is left once no approach is faster than a resting one is met by both limbs without rebound.
+
+    Arguments:
+        law: with the restitution.
+        overlap: the dot product of the limbs' normals.
+        leaving: the speed along each normal; large where there is no contact.
+        resting: the approach up to which each limb answers without rebound.
+
+    Returns:
+        The changes of velocity along each normal.
+    """
+    swapped = leaving[1] < leaving[0]
+    speeds = [jnp.where(swapped, leaving[1 - k], leaving[k]) for k in (0, 1)]
+    bounds = [jnp.where(swapped, resting[1 - k], resting[k]) for k in (0, 1)]
+    sums: list[Scalar] = [0.0 * speeds[0], 0.0 * speeds[0]]
+    for k in range(MOST_IMPACTS):
+        mine, other = k % 2, 1 - k % 2
+        kick = jnp.where(
+            speeds[mine] < -bounds[mine], -(1.0 + law.restitution) * speeds[mine], 0.0
+        )
+        speeds[mine] = speeds[mine] + kick
+        speeds[other] = speeds[other] + overlap * kick
+        sums[mine] = sums[mine] + kick
+    last = least_push(overlap, -speeds[0], -speeds[1])
+    first, second = sums[0] + last[0], sums[1] + last[1]
+    return jnp.where(swapped, second, first), jnp.where(swapped, first, second)
 
 
 def least_push(overlap: Scalar, need_a: Scalar, need_b: Scalar) -> tuple[Scalar, Scalar]:
