@@ -17,7 +17,7 @@ import pytest
 import pcjax.engines.ensemble as ensemble
 from pcjax.engines.ensemble import LIMIT, Outcomes, run
 from pcjax.engines.stepping import Stepping, trajectory
-from pcjax.model.body import Circle
+from pcjax.model.body import Circle, Stick
 from pcjax.model.hand import HandDesign, box_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.step import INVALID, PASSED
@@ -139,10 +139,19 @@ def test_fast_small_objects_end_as_invalid_and_are_counted() -> None:
     assert np.mean(result.status == INVALID) > 0.9
 
 
-def test_mixed_structures_are_refused() -> None:
+def test_conditions_of_unequal_structure_run_as_if_each_were_alone() -> None:
     other = HandDesign(500.0, ((500.0,), (500.0,)), ((1.5,), (1.5,)))
-    with pytest.raises(ValueError, match="differ in structure"):
-        outcomes([does(box_hand(), Circle(25.0)), does(other, Circle(25.0))])
+    mixed = [does(box_hand(), Circle(25.0)), does(other, Circle(25.0))]
+    together = outcomes(mixed)
+    alone = [outcomes([scenario]) for scenario in mixed]
+    np.testing.assert_array_equal(together.steps, np.concatenate([a.steps for a in alone]))
+    np.testing.assert_array_equal(together.status, np.concatenate([a.status for a in alone]))
+
+
+def test_objects_that_turn_and_others_do_not_run_together() -> None:
+    hand = box_hand()
+    with pytest.raises(ValueError, match="some of the objects turn"):
+        outcomes([does(hand, Circle(25.0)), does(hand, Stick(25.0))])
 
 
 @pytest.mark.parametrize(

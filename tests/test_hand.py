@@ -55,7 +55,7 @@ def test_gap_sees_a_narrow_passage_that_is_not_between_the_tips() -> None:
 def test_goal_lines_of_both_directions() -> None:
     angle = math.radians(25)
     hand = box_hand(angle)
-    inside, outside = hand.goal(), hand.with_fingertips_turned().goal()
+    inside, outside = hand.goal(), hand.with_fingertips_mirrored().goal()
     corners = [float(v) for v in (inside.a.x, inside.a.y, inside.b.x, inside.b.y)]
     np.testing.assert_allclose(corners, [-100, 500, 100, 500], atol=1e-10)
     x, y = 100 - 100 * math.sin(angle), 500 + 100 * math.cos(angle)

@@ -427,7 +427,7 @@ def test_an_asymmetric_hand_has_a_gap_and_a_cage_of_its_own_in_each_direction():
         ((500.0, 150.0, 100.0), (450.0, 60.0, 100.0)),
         ((right, right, 0.9), (right, 1.0, 0.6)),
     )
-    gaps = [float(turned.gap()) for turned in (hand, hand.with_fingertips_turned())]
+    gaps = [float(turned.gap()) for turned in (hand, hand.with_fingertips_mirrored())]
     assert abs(gaps[0] - gaps[1]) > 20
     radius = sum(gaps) / 4  # fits through one of the two only
     result = pcjax.evaluate(hand, pcjax.Circle(radius), trials=64, max_steps=20_000)

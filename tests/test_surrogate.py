@@ -132,9 +132,9 @@ def test_forward_mode_equals_differences_of_the_same_function_for_every_leaf(
     of = Layer.of
     scenario, trials, periods = SMOOTH[name]
     with jax.enable_x64(True):
-        width = float(of(scenario.world(), 0.8).width)
+        width = float(of(scenario.hand.channel(), 0.8).width)
         monkeypatch.setattr(
-            Layer, "of", lambda world, share: replace(of(world, share), width=width)
+            Layer, "of", lambda channel, share: replace(of(channel, share), width=width)
         )
         leaves, structure = jax.tree.flatten(scenario)
         at = jnp.array([float(leaf) for leaf in leaves])

@@ -188,10 +188,13 @@ def leap(world: World, swing: Swing, interval: Scalar, flight: Flight) -> Flight
     support = settle(world, contacts, flight, pull, one)
     left = change - flight.time
     wait = fence(_wait(world, support, jnp.minimum(left, support.until_end)), one)
-    position, velocity = _move(support, radius, pull, wait)
     goal = world.goal
-    passed = (goal.beyond(support.position) < 0) & (goal.beyond(position) >= 0)
-    passed = passed & goal.between(position)
+    inside = goal.beyond(flight.position) < world.nearness()
+    # Being put back to touching may have taken it across.
+    over = inside & (goal.beyond(support.position) >= 0) & goal.between(support.position)
+    wait = jnp.where(over, 0.0, wait)
+    position, velocity = _move(support, radius, pull, wait)
+    passed = inside & (goal.beyond(position) >= 0) & goal.between(position)
     # Written so that NaN fails it too.
     overlap = radius - unit_and_length(contacts[0].offset)[1]
     sound = (overlap < _DEEPEST * radius) & (position.dot(position) < jnp.inf)
@@ -210,7 +213,7 @@ def settle(
     world: World, contacts: tuple[Contact, Contact], flight: Flight, pull: Vec, one: Scalar
 ) -> Support:
     """Impacts (7) with the two nearest limbs, where they touch, and the forces they exert then."""
-    law, radius, near = world.law, world.body.radius, _nearness(world)
+    law, radius, near = world.law, world.body.radius, world.nearness()
     normals, depths = [], []
     for contact in contacts:
         normal, distance = unit_and_length(contact.offset)
@@ -294,12 +297,6 @@ def _pushed(vector: Vec, normals: list[Vec], pushes: tuple[Scalar, Scalar]) -> V
     return vector + normals[0] * pushes[0] + normals[1] * pushes[1]
 
 
-def _nearness(world: World) -> Scalar:
-    """The distance within which the circle counts as touching a limb."""
-    length = world.limbs[0].length
-    return length * max(16 * float(jnp.finfo(jnp.result_type(length)).eps), 1e-8)
-
-
 def _noise(velocity: Vec) -> Scalar:
     """The speed below which rounding decides whether a contact closes or opens."""
     eps = float(jnp.finfo(jnp.result_type(velocity.x)).eps)
@@ -319,7 +316,7 @@ def _wait(world: World, support: Support, longest: Scalar) -> Scalar:
         for vector in (velocity, acceleration)
     )
     # A little beyond the line, so that rounding cannot leave the circle on this side of it.
-    wait = jnp.minimum(wait, first_root(jnp.abs(line) + _nearness(world), speed, change))
+    wait = jnp.minimum(wait, first_root(jnp.abs(line) + world.nearness(), speed, change))
     fast, hard = unit_and_length(velocity)[1], unit_and_length(acceleration)[1]
     arc = first_root(LONGEST_ARC * world.body.radius, -fast, -hard)
     return jnp.where(support.rolls, jnp.minimum(wait, arc), wait)
@@ -327,7 +324,7 @@ def _wait(world: World, support: Support, longest: Scalar) -> Scalar:
 
 def _until_limb(world: World, limb: Segment, support: Support) -> Scalar:
     """A time until which the circle cannot touch the limb, and the time it does on a flat side."""
-    near, slow = _nearness(world), _noise(support.velocity)
+    near, slow = world.nearness(), _noise(support.velocity)
     normal, distance = unit_and_length(limb.offset(support.position))
     gap = jnp.maximum(distance - world.body.radius, 0.0)
     speed, change = support.velocity.dot(normal), support.acceleration.dot(normal)

@@ -43,6 +43,11 @@ class World(eqx.Module):
     law: ContactLaw
     finger_1: int = eqx.field(static=True)
 
+    def nearness(self) -> Scalar:
+        """A distance that rounding may hide: within it the object touches a limb or a line."""
+        length = self.limbs[0].length
+        return length * max(16 * float(jnp.finfo(jnp.result_type(length)).eps), 1e-8)
+
 
 class Scenario(eqx.Module):
     """One condition: everything but the random draws, the step limit and the solver's step.

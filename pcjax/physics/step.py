@@ -214,12 +214,9 @@ def judge(world: World, state: State, moved: Motion, safe: Flag) -> State:
             ends the trial as invalid.
     """
     before, after = world.goal.beyond(state.position), world.goal.beyond(moved.position)
-    # A circle keeps its radius from the line's ends, a stick's centre may cross right beside them.
-    across = moved.position
-    if world.body.turns:
-        share = before / jnp.where(after > before, before - after, -1.0)
-        across = state.position + (moved.position - state.position) * share
-    passed = (before < 0) & (after >= 0) & world.goal.between(across)
+    share = jnp.clip(before / jnp.where(after > before, before - after, -1.0), 0.0, 1.0)
+    across = state.position + (moved.position - state.position) * share
+    passed = (before < world.nearness()) & (after >= 0) & world.goal.between(across)
     running = state.status == RUNNING
     velocity = moved.velocity
     if moved.carry is not None:

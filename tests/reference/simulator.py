@@ -15,8 +15,9 @@ One step of length ``dt``
      ``a`` is cancelled; where it is round (a limb's end), the path stays free and is pushed back at the step's end;
      a circle held by two contacts that both push stays where it is;
    * the first impact with a limb that is not held is found by bisection, eq. (7) is applied there, and the path goes
-     on from that point.  A limb struck earlier in the same step, and a limb that was held when another one was
-     struck, answers without rebound: the velocity is projected on the cone ``v.n >= 0`` of those contacts.
+     on from that point.  Where that sends the circle into another limb that it touches, held or not, that one is
+     struck next, and so on, the fastest approach first.  What is left when none is faster than a resting one is
+     answered without rebound: the velocity is projected on the cone ``v.n >= 0`` of all that is touched.
 
 3. The circle is pushed out of whatever it still overlaps, and velocity into those limbs is removed.
 """
@@ -37,6 +38,7 @@ TOUCH = 1e-9  # a gap up to this counts as touching [length]
 STILL = 1e-9  # a normal speed up to this counts as none [length/s]
 OVERLAP = 2e-13  # pushing out stops at an overlap below this [length]
 MAX_EVENTS = 40  # bound on the events inside one step
+MAX_AT_ONCE = 16  # bound on the impacts at one moment
 
 
 # --------------------------------------------------------------------------------------------------------------- hand
@@ -69,13 +71,16 @@ def goal_line(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """End points (A on finger 1, B on finger 2) [length] of the line the centre has to cross.
 
-    It is the line between the tip joints or the one between the tip ends, whichever has its middle farther out along
-    +y.  ``n1`` and ``n2`` are the numbers of limbs of the two fingers.
+    It is the line between the tip joints or the one between the tip ends, whichever is farther out: the latter if the
+    ends are beyond the former on average.  ``n1`` and ``n2`` are the numbers of limbs of the two fingers.
     """
     segments = np.asarray(limbs, dtype=np.float64)
     tip1, tip2 = segments[n1], segments[n1 + n2]
     joints, ends = (tip1[:2], tip2[:2]), (tip1[2:], tip2[2:])
-    chosen = joints if joints[0][1] + joints[1][1] >= ends[0][1] + ends[1][1] else ends
+    along = joints[1] - joints[0]
+    outwards = np.array([-along[1], along[0]])
+    out = sum(float(outwards @ (end - joints[0])) for end in ends)
+    chosen = ends if out > 0.0 else joints
     return chosen[0].copy(), chosen[1].copy()
 
 
@@ -309,17 +314,20 @@ def _step_with_contact(
         if first_pass:
             held = {c.limb for c in touching if abs(vx * c.nx + vy * c.ny) <= STILL}
 
-        # Impacts at this very moment: eq. (7).
-        for c in touching:
+        # Impacts at this very moment, one after the other: eq. (7).
+        for _ in range(MAX_AT_ONCE):
+            if not touching:
+                break
+            c = min(touching, key=lambda c: vx * c.nx + vy * c.ny)
             normal = vx * c.nx + vy * c.ny
-            if normal < -STILL and c.limb not in held and c.limb not in struck:
-                e = restitution if -normal >= resting_speed else 0.0
-                vx -= (1.0 + e) * normal * c.nx
-                vy -= (1.0 + e) * normal * c.ny
-                impacts += 1
-                struck.update(other.limb for other in touching if _same_normal(c, other))
-        answering = [c for c in touching if c.limb in held or c.limb in struck]
-        vx, vy, _ = _to_cone(vx, vy, answering)
+            if normal >= -max(resting_speed, STILL):
+                break
+            vx -= (1.0 + restitution) * normal * c.nx
+            vy -= (1.0 + restitution) * normal * c.ny
+            impacts += 1
+            struck.update(other.limb for other in touching if _same_normal(c, other))
+        impacts += any(-STILL > vx * c.nx + vy * c.ny and c.limb not in held for c in touching)
+        vx, vy, _ = _to_cone(vx, vy, touching)
 
         # What holds the circle from here on, and the acceleration that it leaves.
         holding = [c for c in touching if c.limb in gripped or abs(vx * c.nx + vy * c.ny) <= STILL]

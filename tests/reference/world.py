@@ -414,17 +414,24 @@ def _circle_contacts(
     contacts = sorted(_nearest(placed, x, y, inf), key=lambda contact: contact.distance)[:2]
     overlaps = [[a.nx * b.nx + a.ny * b.ny for b in contacts] for a in contacts]
     pushes = least_pushes(overlaps, [radius - c.distance for c in contacts])
-    needs = []
+    leaving, resting = [], []
     for c in contacts:
         lax, lay, lux, luy, _ = placed[c.limb]
         ux, uy = pose.velocity(lax + c.share * lux, lay + c.share * luy)
-        approach = -((vx - ux) * c.nx + (vy - uy) * c.ny)
-        resting = resting_speed + max(-(felt_x * c.nx + felt_y * c.ny), 0.0) * dt
-        e = restitution if approach > resting else 0.0
         touching = c.distance < radius
-        hit = hit or (touching and e > 0.0)
-        needs.append((1.0 + e) * approach if touching else -1e30)
-    turns = least_pushes(overlaps, needs)
+        leaving.append((vx - ux) * c.nx + (vy - uy) * c.ny if touching else 1e30)
+        resting.append(resting_speed + max(-(felt_x * c.nx + felt_y * c.ny), 0.0) * dt)
+    turns = [0.0 for _ in contacts]
+    for _ in range(16):  # one impact after the other, the fastest approach first
+        struck = min(range(len(contacts)), key=lambda i: leaving[i])
+        if leaving[struck] >= -resting[struck]:
+            break
+        kick = -(1.0 + restitution) * leaving[struck]
+        turns[struck] += kick
+        leaving = [v + kick * overlaps[struck][i] for i, v in enumerate(leaving)]
+        hit = hit or restitution > 0.0
+    rest = least_pushes(overlaps, [-v for v in leaving])
+    turns = [turn + last for turn, last in zip(turns, rest, strict=True)]
     for c, push, turn in zip(contacts, pushes, turns, strict=True):
         x, y = x + push * c.nx, y + push * c.ny
         kx, ky = turned(c.nx * turn, c.ny * turn, -0.5 * pose.spin * dt)
