@@ -29,7 +29,7 @@ from pcjax.engines.relaxation import Layer, Progress
 from pcjax.model.drive import Swing, WristTilt
 from pcjax.model.scenario import World
 from pcjax.physics.collide import Contact, two_nearest
-from pcjax.physics.respond import impacts_in_turn, least_push
+from pcjax.physics.respond import Angle, impacts_in_turn, least_push
 from pcjax.physics.step import INVALID, PASSED, RUNNING
 from pcjax.planar import (
     NEVER,
@@ -219,15 +219,15 @@ def settle(
         normal, distance = unit_and_length(contact.offset)
         normals.append(normal)
         depths.append(fence(radius - distance, one))
-    overlap = normals[0].dot(normals[1])
-    position = _pushed(flight.position, normals, least_push(overlap, *depths))
+    angle = Angle.between(*normals)
+    position = _pushed(flight.position, normals, least_push(angle, *depths))
 
     leaving = [
         fence(jnp.where(depth >= -near, flight.velocity.dot(normal), -_NO_NEED), one)
         for normal, depth in zip(normals, depths, strict=True)
     ]
     rest = law.resting_speed
-    kicks = impacts_in_turn(law, overlap, (leaving[0], leaving[1]), (rest, rest))
+    kicks = impacts_in_turn(law, angle, (leaving[0], leaving[1]), (rest, rest))
     velocity = _pushed(flight.velocity, normals, kicks)
 
     slow = _noise(velocity) + CAPTURE * law.resting_speed
@@ -246,7 +246,7 @@ def settle(
         along = velocity.cross(normal)
         bend = jnp.where(contact.round, along * along / radius, 0.0)
         needs.append(fence(jnp.where(stay, -pull.dot(normal) - bend, _NO_NEED), one))
-    forces = least_push(overlap, *needs)
+    forces = least_push(angle, *needs)
     forces = fence(forces[0], one), fence(forces[1], one)
     acceleration = _pushed(pull, normals, forces)
 
@@ -257,7 +257,12 @@ def settle(
     touches = stays[0] | stays[1]
     carried = (forces[0] > 0) | (forces[1] > 0)
     rolls = touches & carrier.round & ~pinned
-    velocity = where(carried, velocity - normal * velocity.dot(normal), velocity)
+    # What it leaves its limb with is forgotten, unless that would send it into the other one, as it
+    # does where it goes over from one limb to the next, almost in line with it.
+    kept = velocity - normal * velocity.dot(normal)
+    other = where(second, normals[0], normals[1])
+    into = stays[0] & stays[1] & (kept.dot(other) < -_noise(velocity))
+    velocity = where(carried & ~into, kept, velocity)
     still = Vec(0.0 * pull.x, 0.0 * pull.y)
     velocity = where(pinned, still, velocity)
     acceleration = where(pinned, still, acceleration)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 
@@ -119,15 +120,15 @@ def hold_off(
         normal, distance = contact.after(move)
         normals.append(normal)
         depths.append(fence(radius - distance, one))
-    overlap = normals[0].dot(normals[1])
-    out = least_push(overlap, *(law.ramp(depth) for depth in depths))
+    angle = Angle.between(*normals)
+    out = least_push(angle, *(law.ramp(depth) for depth in depths))
     gates = [law.switch(depth) for depth in depths]
     leaving, resting = [], []
     for gate, normal in zip(gates, normals, strict=True):
         leaving.append(fence(jnp.where(gate > 0, end.relative().dot(normal), -INACTIVE), one))
         pressing = jnp.maximum(-end.acceleration.dot(normal), 0.0)
         resting.append(fence(law.resting_speed + pressing * dt, one))
-    turn = impacts_in_turn(law, overlap, (leaving[0], leaving[1]), (resting[0], resting[1]))
+    turn = impacts_in_turn(law, angle, (leaving[0], leaving[1]), (resting[0], resting[1]))
     position, velocity = end.position, end.velocity
     for normal, gate, push, stop in zip(normals, gates, out, turn, strict=True):
         position = position + normal * fence(push, one)
@@ -138,7 +139,7 @@ def hold_off(
 
 def impacts_in_turn(
     law: ContactLaw,
-    overlap: Scalar,
+    angle: Angle,
     leaving: tuple[Scalar, Scalar],
     resting: tuple[Scalar, Scalar],
 ) -> tuple[Scalar, Scalar]:
@@ -150,7 +151,7 @@ def impacts_in_turn(
 
     Arguments:
         law: with the restitution.
-        overlap: the dot product of the limbs' normals.
+        angle: between the limbs' normals.
         leaving: the speed along each normal; large where there is no contact.
         resting: the approach up to which each limb answers without rebound.
 
@@ -163,31 +164,52 @@ def impacts_in_turn(
     sums: list[Scalar] = [0.0 * speeds[0], 0.0 * speeds[0]]
     for k in range(MOST_IMPACTS):
         mine, other = k % 2, 1 - k % 2
-        kick = jnp.where(
-            speeds[mine] < -bounds[mine], -(1.0 + law.restitution) * speeds[mine], 0.0
-        )
+        kick = jnp.where(speeds[mine] < -bounds[mine], -(1.0 + law.restitution) * speeds[mine], 0.0)
         speeds[mine] = speeds[mine] + kick
-        speeds[other] = speeds[other] + overlap * kick
+        speeds[other] = speeds[other] + angle.cosine * kick
         sums[mine] = sums[mine] + kick
-    last = least_push(overlap, -speeds[0], -speeds[1])
+    last = least_push(angle, -speeds[0], -speeds[1])
     first, second = sums[0] + last[0], sums[1] + last[1]
     return jnp.where(swapped, second, first), jnp.where(swapped, first, second)
 
 
-def least_push(overlap: Scalar, need_a: Scalar, need_b: Scalar) -> tuple[Scalar, Scalar]:
+class Angle(eqx.Module):
+    """The angle between two limbs' normals: its cosine and sine."""
+
+    cosine: Scalar
+    sine: Scalar
+
+    @classmethod
+    def between(cls, a: Vec, b: Vec) -> Angle:
+        """From unit vector a to b."""
+        return cls(a.dot(b), a.cross(b))
+
+
+_ALMOST_ONE = 3e-4
+"""The angle, radians, below which two limbs are in line, and a push along one normal does for both.
+"""
+
+
+def least_push(angle: Angle, need_a: Scalar, need_b: Scalar) -> tuple[Scalar, Scalar]:
     """The pushes along two unit normals that give each at least the displacement it needs.
 
     Pushes are never negative, and zero where not needed (a linear complementarity problem of two
     unknowns): the sum moves along normal a by at least `need_a` and along b by at least `need_b`.
-    `overlap` is the normals' dot product.
     """
+    cosine = angle.cosine
     alone_a, alone_b = jnp.maximum(need_a, 0.0), jnp.maximum(need_b, 0.0)
-    a_suffices = overlap * alone_a >= need_b
-    b_suffices = overlap * alone_b >= need_a
-    # Normals closer to antiparallel than this would ask for pushes of a thousand penetrations.
-    inverse = 1.0 / jnp.maximum(1.0 - overlap * overlap, 1e-6)
-    both_a = (need_a - overlap * need_b) * inverse
-    both_b = (need_b - overlap * need_a) * inverse
+    a_suffices = cosine * alone_a >= need_b
+    b_suffices = cosine * alone_b >= need_a
+    in_line = cosine > 0.9
+    # 1 - cosine^2, with its digits where the normals are close. Normals closer to antiparallel than
+    # this would ask for pushes of a thousand penetrations.
+    square = jnp.where(in_line, angle.sine * angle.sine, jnp.maximum(1.0 - cosine * cosine, 1e-6))
+    as_one = in_line & (square < _ALMOST_ONE**2)
+    inverse = 1.0 / jnp.where(as_one, 1.0, square)
+    both_a = jnp.where(as_one, 0.0, (need_a - cosine * need_b) * inverse)
+    both_b = jnp.where(
+        as_one, need_a / jnp.where(as_one, cosine, 1.0), (need_b - cosine * need_a) * inverse
+    )
     push_a = jnp.where(a_suffices, alone_a, jnp.where(b_suffices, 0.0, both_a))
     push_b = jnp.where(a_suffices, 0.0, jnp.where(b_suffices, alone_b, both_b))
     return push_a, push_b
