@@ -120,7 +120,7 @@ def save_dataset(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
 def save_text(text: str, path: Path) -> None:
     """Writes a text file; one of that name is replaced only once the new one is complete."""
     with replacing(path) as unfinished:
-        unfinished.write_text(text, encoding="utf-8")
+        unfinished.write_text(text, encoding="utf-8", newline="\n")
 
 
 def engines_text(names: str, dt: Any) -> str:

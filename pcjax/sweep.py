@@ -494,8 +494,8 @@ def _run_plan(
                     _take(samples, task, kept)
                     bar.update(task.count)
             if unusable:
-                more = f" (and {len(unusable) - 1:,} more parts)" if unusable[1:] else ""
-                tell(f"{unusable[0]}{more}: what it held is run again")
+                others = f"; so it is with {len(unusable) - 1:,} more" if unusable[1:] else ""
+                tell(f"{unusable[0]}{others}: to be run again")
             for task, outcomes in do(missing):
                 parts.keep(task, outcomes)
                 _take(samples, task, outcomes)
@@ -510,7 +510,7 @@ def _finished(out: Path, told: str) -> xr.Dataset:
     try:
         found = load_dataset(out)
     except ValueError as error:
-        raise ValueError(f"it cannot be made, as it is there already: {error}") from None
+        raise ValueError(f"{error}; it is there already: name another file, or remove it") from None
     if found.attrs.get("sweep") != told:
         raise ValueError(
             f"{out} is there already, the result of something else (another study, other settings "
