@@ -358,13 +358,14 @@ def load_study(path: str | os.PathLike[str]) -> Study:
         20.0
     """
     path = Path(path)
+    content = read_plain(path)
     try:
-        data = tomllib.loads(read_plain(path).decode())
+        data = tomllib.loads(content.decode())
     except UnicodeDecodeError as error:
-        raise ValueError(f"{path} cannot be read: {error}") from None
+        raise ValueError(f"{path} cannot be read: {one_line(error)}") from None
     except RecursionError:
         raise ValueError(f"{path} is no study: its lists are nested too deeply") from None
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # of TOML, or of a number with thousands of digits
         raise ValueError(f"{path} is no TOML: {one_line(error)}") from None
     try:
         return _Reader(data).study()
@@ -612,7 +613,7 @@ def _float(value: float) -> float:
     try:
         return float(value)
     except OverflowError:
-        return math.copysign(math.inf, value)
+        return math.inf if value > 0 else -math.inf
 
 
 EXAMPLE = """\

@@ -355,8 +355,9 @@ def _bench(scheduler: str | None) -> Iterator[Any]:
 
 @contextmanager
 def _silent(*names: str) -> Iterator[None]:
-    """Keeps loggers quiet about what is told in a line of our own."""
-    loggers = [logging.getLogger(name) for name in names]
+    """Keeps loggers, and all below them, quiet about what is told in a line of our own."""
+    known = [name for name in logging.root.manager.loggerDict if name.split(".")[0] in names]
+    loggers = [logging.getLogger(name) for name in known]
     levels = [logger.level for logger in loggers]
     for logger in loggers:
         logger.setLevel(logging.CRITICAL + 1)
