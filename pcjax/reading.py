@@ -9,7 +9,6 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import xarray as xr
 
@@ -17,11 +16,8 @@ from pcjax import paper
 from pcjax.engines.ensemble import STATUS_NAMES
 from pcjax.files import read_plain, unsealed
 from pcjax.model.scenario import DIRECTIONS
+from pcjax.netcdf import read_netcdf, told, try_netcdf
 from pcjax.quality.indices import Estimate
-
-_DENSEST = 2 * 1032
-"""Bytes that a result declares, at most, for each byte of its file: deflate makes 1032 of one, and
-a dimension without labels declares as much as the widest of its data without storing any."""
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
@@ -39,16 +35,15 @@ def load_dataset(path: str | os.PathLike[str]) -> xr.Dataset:
     try:
         if not kept.startswith(_SIGNATURE):
             raise ValueError("it is no netCDF (HDF5)")
-        # Other programs' files have no seal, nor had ours at first: they end where they say.
-        if unsealed(kept) is None and _told_end(kept) != len(kept):
-            raise ValueError("it has been cut short or changed")
-        _check_sizes(path, _DENSEST * len(kept))
-        data = xr.load_dataset(path, engine="h5netcdf")
+        if unsealed(kept) is None:
+            # Other programs' files have no seal, nor had ours at first: they end where they say.
+            if _told_end(kept) != len(kept):
+                raise ValueError("it has been cut short or changed")
+            try_netcdf(path)
+        data = read_netcdf(path)
         _check(data)
     except Exception as error:  # of every kind, where HDF5 and its wrappers meet damage
-        told = str(error) if type(error) is ValueError else f"{type(error).__name__}: {error}"
-        told = " ".join(told.split())
-        raise ValueError(f"{path} is no result that can be read: {told}") from None
+        raise ValueError(f"{path} is no result that can be read: {told(error)}") from None
     return data
 
 
@@ -56,22 +51,6 @@ def _told_end(kept: bytes) -> int:
     """Where an HDF5 file's first lines say that it ends."""
     place = 40 if kept[8] < 2 else 28
     return int.from_bytes(kept[place : place + 8], "little")
-
-
-def _check_sizes(path: Path, most: int) -> None:
-    """Raises ValueError where a file declares more than it can hold, before that is allocated."""
-    sizes = []
-
-    def add(_: str, found: Any) -> None:
-        if isinstance(found, h5py.Dataset):
-            sizes.append(math.prod(found.shape or ()) * found.dtype.itemsize)
-        sizes.extend(found.attrs.get_id(name).get_storage_size() for name in found.attrs)
-
-    with h5py.File(path, "r") as file:
-        add("", file)
-        file.visititems(add)
-    if sum(sizes) > most:
-        raise ValueError(f"it declares {sum(sizes):,} bytes, more than a file of its size holds")
 
 
 # ------------------------------------------------------------------------ what a result can hold
@@ -118,7 +97,7 @@ def _check_sweep(data: xr.Dataset) -> None:
     limit = _check_run(data)
     trials = _check_count(data, "trials")
     place = tuple(map(str, _variable(data, "problem").dims))
-    if not all(isinstance(told, str) for told in data.problem.values.flat):
+    if not all(isinstance(text, str) for text in data.problem.values.flat):
         raise ValueError("problem is no text")
     each = (*place, "direction")
     _check_directions(data.direction.values)
@@ -177,10 +156,10 @@ def _check_figure(data: xr.Dataset) -> None:
     rows = list(dict.fromkeys(rows))
     for other in names:
         _check_numbers(data, other, ("condition",))
-    told = [_variable(data, other).values.tolist() for other in ("direction", *names)]
-    found = zip(*told, strict=True)
+    labels = [_variable(data, other).values.tolist() for other in ("direction", *names)]
+    found = zip(*labels, strict=True)
     same = [a[0] == b[0] and np.allclose(a[1:], b[1:]) for a, b in zip(found, rows, strict=False)]
-    if len(told[0]) != len(rows) or not all(same):
+    if len(labels[0]) != len(rows) or not all(same):
         raise ValueError(f"its conditions are not those of Fig. {name}")
     place, other = ("condition",), ("condition_2",)
     _check_labels(data, "estimate", ["index1", "index2"])

@@ -530,7 +530,7 @@ class _Reader:
             check_count(f"{what}: points", count, 1, MOST_CONDITIONS)
             return tuple(float(x) for x in np.linspace(low, high, count).round(12))
         step = value["step"]
-        if not _is_number(step) or not step > 0 or not high >= low:
+        if not _is_number(step) or not 0 < _float(step) < math.inf or not high >= low:
             raise ValueError(
                 f"{what}: step is {step!r} from {low:g} to {high:g}: it has to lead up"
             )

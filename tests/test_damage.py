@@ -352,7 +352,7 @@ def test_a_damaged_checkpoint_is_refused(tmp_path: Path) -> None:
 def test_what_is_no_checkpoint_is_refused(text: str, tmp_path: Path) -> None:
     path = tmp_path / "state.json"
     path.write_text(text)
-    with pytest.raises(ValueError, match="state.json is no checkpoint of an optimisation"):
+    with pytest.raises(ValueError, match=r"state.json is no checkpoint of an optimisation"):
         _load(path, "told", BLANK)
 
 
@@ -373,7 +373,7 @@ def test_a_checkpoint_with_what_cannot_be_is_refused(
 ) -> None:
     path = tmp_path / "state.json"
     _keep(path, "told", replace(STATE, **changed))
-    with pytest.raises(ValueError, match="state.json is no checkpoint"):
+    with pytest.raises(ValueError, match=r"state.json is no checkpoint"):
         _load(path, "told", BLANK)
 
 
@@ -412,7 +412,7 @@ def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 def test_a_file_is_written_by_one_process_at_a_time(tmp_path: Path) -> None:
     path = tmp_path / "r.nc"
     with locked(path):
-        with pytest.raises(ValueError, match="r.nc is being written by another process"):
+        with pytest.raises(ValueError, match=r"r.nc is being written by another process"):
             run_sweep(STUDY, path)
         with locked(tmp_path / "another.nc"):
             pass
@@ -434,7 +434,7 @@ def test_a_crash_releases_the_lock(tmp_path: Path) -> None:
         assert child.stdout.readline() == "here\n"
         task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 20_000)
         space = pcjax.design_space(pcjax.box_hand(), ["fingertip_angle"], 50.0)
-        with pytest.raises(ValueError, match="state.json is being written by another process"):
+        with pytest.raises(ValueError, match=r"state.json is being written by another process"):
             pcjax.optimize(pcjax.Surrogate(task), space, checkpoint=path)
         child.kill()
     with locked(path):

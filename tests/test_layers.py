@@ -26,7 +26,7 @@ LAYERS = (
     ("engines",),
     ("physics",),
     ("model",),
-    ("planar", "checks", "files"),
+    ("planar", "checks", "files", "netcdf"),
 )
 """Top to bottom: the modules and folders directly under pcjax/. A module may import from its own
 layer and from those below. A new one fails the tests until it has its place here."""

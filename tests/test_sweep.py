@@ -160,7 +160,7 @@ def test_a_changed_study_is_refused(whole: Path, tmp_path: Path) -> None:
         run_sweep(STUDY, tmp_path / "r.nc")
     cut = tmp_path / "cut.nc"
     cut.write_bytes(before[: len(before) // 2])
-    with pytest.raises(ValueError, match="cut.nc is no result that can be read: it has been cut"):
+    with pytest.raises(ValueError, match=r"cut.nc is no result that can be read: it has been cut"):
         run_sweep(STUDY, cut)
 
 
