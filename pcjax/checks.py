@@ -55,6 +55,11 @@ def check_count(name: str, value: Any, low: int, high: int) -> None:
         raise ValueError(f"{name} is {value}: it has to lie between {low} and {high}")
 
 
+def one_line(text: object) -> str:
+    """The text with whatever would leave its line, or the printable, written as an escape."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(text))
+
+
 def did_you_mean(word: str, names: Iterable[str]) -> str:
     """Asks "did you mean NAME? " for the nearest of the names; empty if none is near."""
     near = difflib.get_close_matches(word, list(names), 1, cutoff=0.5)

@@ -8,6 +8,10 @@ import warnings
 from pathlib import Path
 
 import jax
+from jax._src import compilation_cache as jax_cache
+
+from pcjax.files import read_plain, sealed, unsealed
+from pcjax.results import replacing
 
 VARIABLE = "PCJAX_CACHE"
 """Environment variable: a folder for compiled programs, or "off" to compile anew in every run."""
@@ -23,6 +27,10 @@ def use_compilation_cache() -> None:
     folder may be shared by versions and machines; it may be deleted at any time. Where it cannot
     be used, everything is compiled, in silence. A cache that the user has configured for JAX
     stays as it is.
+
+    JAX runs what it finds, and never replaces an entry: its own cache would keep one that was cut
+    short for ever, and a flipped bit in one need not be noticed. Here entries are sealed, and one
+    that is damaged is compiled and written anew.
     """
     folder = cache_folder()
     if (
@@ -36,12 +44,45 @@ def use_compilation_cache() -> None:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError:
         return
-    # An entry that cannot be read (another process may be writing it) is compiled instead.
+    if not hasattr(jax_cache, "get_file_cache"):  # a later JAX
+        return
+    jax_cache.get_file_cache = _file_cache
+    # What cannot be read or written is compiled.
     warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache")
     jax.config.update("jax_compilation_cache_dir", str(folder))
     # A run starts some twenty small programs beside the large one: keep them as well.
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+class SealedCache:
+    """Compiled programs in a folder, as JAX looks them up: whole and undamaged, or not at all."""
+
+    def __init__(self, folder: Path):
+        self._path = folder
+
+    def _entry(self, key: str) -> Path:
+        return self._path / f"{key}-cache"
+
+    def get(self, key: str) -> bytes | None:
+        """A program; None where it has to be compiled."""
+        try:
+            return unsealed(read_plain(self._entry(key)), key)
+        except ValueError:
+            return None
+
+    def put(self, key: str, value: bytes) -> None:
+        """Keeps a program.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        with replacing(self._entry(key)) as unfinished:
+            unfinished.write_bytes(sealed(value, key))
+
+
+def _file_cache(path: str) -> tuple[SealedCache, str]:
+    return SealedCache(Path(path)), path
 
 
 def cache_folder() -> Path | None:

@@ -21,11 +21,13 @@ import xarray as xr
 from jaxtyping import Int32, UInt8
 
 from pcjax.engines.ensemble import LIMIT, STATUS_NAMES, Outcomes
+from pcjax.files import sealed
 from pcjax.model.body import Body, Stick
 from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario
 from pcjax.physics.step import INVALID, PAPER_DT
 from pcjax.quality.indices import UNDEFINED, Estimate, index1, index2, ratio, survival_curve
+from pcjax.reading import load_dataset
 
 WATCHED = {
     "penetration": {
@@ -102,7 +104,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def save_dataset(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
-    """Writes netCDF; a file of that name is replaced only once the new one is complete.
+    """Writes netCDF, sealed; a file of that name is replaced only once the new one is complete.
 
     Raises:
         OSError: the file cannot be written.
@@ -111,13 +113,14 @@ def save_dataset(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     compress = {name: {"zlib": True, "complevel": 9} for name, var in dataset.items() if var.ndim}
     with replacing(path) as unfinished:
         dataset.to_netcdf(unfinished, engine="h5netcdf", encoding=compress)
+        unfinished.write_bytes(sealed(unfinished.read_bytes()))
     return path
 
 
 def save_text(text: str, path: Path) -> None:
     """Writes a text file; one of that name is replaced only once the new one is complete."""
     with replacing(path) as unfinished:
-        unfinished.write_text(text, encoding="utf-8")
+        unfinished.write_text(text, encoding="utf-8", newline="\n")
 
 
 def engines_text(names: str, dt: Any) -> str:
@@ -251,8 +254,15 @@ class Evaluation:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Evaluation:
-        """Reads what `save` has written."""
-        return cls(xr.load_dataset(path, engine="h5netcdf"))
+        """Reads what `save` has written.
+
+        Raises:
+            ValueError: there is no such file, it is damaged, or no evaluation.
+        """
+        data = load_dataset(path)
+        if "escape_step" not in data or "sweep" in data.attrs:
+            raise ValueError(f"{path} is a result of pcjax, but no evaluation of one hand")
+        return cls(data)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Writes everything to a netCDF file.

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from pcjax import paper
-from pcjax.checks import check_between, check_count, did_you_mean
+from pcjax.checks import check_between, check_count, did_you_mean, one_line
 from pcjax.design.space import DesignSpace, parameter
 from pcjax.engines.choice import ENGINES
 from pcjax.evaluate import default_max_steps
+from pcjax.files import read_plain
 from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
@@ -357,18 +358,19 @@ def load_study(path: str | os.PathLike[str]) -> Study:
         20.0
     """
     path = Path(path)
+    content = read_plain(path)
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ValueError(f"{path} does not exist") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} cannot be read: {error}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{path} is no TOML: {error}") from None
+        data = tomllib.loads(content.decode())
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} cannot be read: {one_line(error)}") from None
+    except RecursionError:
+        raise ValueError(f"{path} is no study: its lists are nested too deeply") from None
+    except ValueError as error:  # of TOML, or of a number with thousands of digits
+        raise ValueError(f"{path} is no TOML: {one_line(error)}") from None
     try:
         return _Reader(data).study()
     except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+        raise ValueError(f"{path}: {one_line(error)}") from None
 
 
 class _Reader:
@@ -506,7 +508,7 @@ class _Reader:
         """The values of a swept number: a list, or a range as a table."""
         what = f"[sweep] {name}"
         if isinstance(value, list) and all(map(_is_number, value)):
-            return tuple(map(float, value))
+            return tuple(map(_float, value))
         if not isinstance(value, dict):
             raise ValueError(
                 f"{what} is {value!r}: it has to be a list of numbers, or a range such as "
@@ -516,7 +518,7 @@ class _Reader:
         for key in ("from", "to"):
             if not _is_number(value.get(key)):
                 raise ValueError(f"{what}: a range needs a number for {key}")
-        low, high = float(value["from"]), float(value["to"])
+        low, high = _float(value["from"]), _float(value["to"])
         if not (math.isfinite(low) and math.isfinite(high)):
             raise ValueError(f"{what} goes from {low:g} to {high:g}: it has to be finite")
         if ("points" in value) == ("step" in value):
@@ -528,13 +530,13 @@ class _Reader:
             check_count(f"{what}: points", count, 1, MOST_CONDITIONS)
             return tuple(float(x) for x in np.linspace(low, high, count).round(12))
         step = value["step"]
-        if not _is_number(step) or not step > 0 or not high >= low:
+        if not _is_number(step) or not 0 < _float(step) < math.inf or not high >= low:
             raise ValueError(
                 f"{what}: step is {step!r} from {low:g} to {high:g}: it has to lead up"
             )
-        check_between(f"{what}: number of steps", (high - low) / step, 0, MOST_CONDITIONS)
-        count = math.floor((high - low) / step + 1e-9) + 1
-        return tuple(float(x) for x in (low + step * np.arange(count)).round(12))
+        check_between(f"{what}: number of steps", (high - low) / _float(step), 0, MOST_CONDITIONS)
+        count = math.floor((high - low) / _float(step) + 1e-9) + 1
+        return tuple(float(x) for x in (low + _float(step) * np.arange(count)).round(12))
 
     def known(self, where: str, table: Mapping[str, Any], names: Sequence[str]) -> None:
         for key in table:
@@ -562,7 +564,7 @@ class _Reader:
         if not _is_number(value):
             unit = ", in degrees" if key.endswith("_deg") else ""
             raise ValueError(f"[{where}] {key} is {value!r}: it has to be a number{unit}")
-        return float(value)
+        return _float(value)
 
     def count(self, where: str, key: str) -> int:
         value = self.table(where)[key]
@@ -587,7 +589,7 @@ class _Reader:
             raise ValueError(
                 f"[{where}] {key} is {value!r}: it has to be a list of {count} numbers"
             )
-        return tuple(map(float, value))
+        return tuple(map(_float, value))
 
     def rows(self, key: str) -> list[list[float]]:
         value = self.table("hand").get(key)
@@ -599,11 +601,19 @@ class _Reader:
             raise ValueError(
                 f"[hand] {key} is {value!r}: it has to be two lists of numbers, one for each finger"
             )
-        return [[float(x) for x in row] for row in value]
+        return [[_float(x) for x in row] for row in value]
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _float(value: float) -> float:
+    """The number; infinity, as TOML reads 1e400, for a whole one that is as large."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
 
 
 EXAMPLE = """\

@@ -8,14 +8,16 @@ bit for bit, however often it was interrupted and whoever ran the tasks.
 
 from __future__ import annotations
 
+import io
 import json
+import logging
 import math
 import os
 import shutil
-import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -28,12 +30,14 @@ from tqdm import tqdm
 from pcjax.engines.choice import choose_engine
 from pcjax.engines.ensemble import STATUS_NAMES, Outcomes, run
 from pcjax.engines.lanes import Engine
+from pcjax.files import locked, read_plain, sealed, unsealed
 from pcjax.model.body import Circle
 from pcjax.model.drive import WristTilt
 from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario, check_geometry
-from pcjax.physics.step import PAPER_DT, PASSED
+from pcjax.physics.step import INVALID, PAPER_DT, PASSED
 from pcjax.quality.indices import Estimate
+from pcjax.reading import load_dataset
 from pcjax.results import (
     WATCHED,
     indices_of,
@@ -234,31 +238,44 @@ class Parts:
             ValueError: the folder belongs to another sweep.
             OSError: it cannot be made.
         """
+        self.told = told
         self.folder = out.with_name(out.name + ".parts")
         self.folder.mkdir(exist_ok=True)
         of = self.folder / "study.txt"
         if not of.exists():
             save_text(told, of)
-        elif of.read_text(encoding="utf-8") != told:
+        elif read_plain(of) != told.encode():
             raise ValueError(
                 f"{self.folder} holds parts of another sweep (another study, other settings or "
-                "another version): name another file, or remove the folder to begin anew"
+                "another version), or its study.txt is damaged: name another file, or remove the "
+                "folder to begin anew, or study.txt alone to keep the parts that are this sweep's"
             )
 
+    def _path(self, task: Task) -> Path:
+        return self.folder / f"{task.name}.npz"
+
+    def _identity(self, task: Task) -> str:
+        """What a part is sealed with: no other task's, of whatever sweep, is taken for it."""
+        return json.dumps([self.told, task.name, task.cells, task.first, task.trials])
+
     def read(self, task: Task) -> Outcomes | None:
-        """A task's outcomes, if they are here, whole."""
-        try:
-            path = self.folder / f"{task.name}.npz"
-            # Opened here: numpy leaves a file that is cut short open.
-            with path.open("rb") as file, np.load(file) as kept:
-                steps, status, watch = (kept[name] for name in ("steps", "status", "watch"))
-        except FileNotFoundError:
+        """A task's outcomes, if they are here.
+
+        Raises:
+            ValueError: there is something else in their place.
+        """
+        path = self._path(task)
+        if not os.path.lexists(path):
             return None
-        except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile):
-            return None  # not whole: to be done again
-        if steps.shape != (len(task.cells), task.trials):
-            return None
-        return Outcomes(steps, status, task.max_steps, watch if watch.size else None)
+        content = unsealed(read_plain(path), self._identity(task))
+        if content is None:
+            raise ValueError(f"{path} is damaged, or no part of this sweep")
+        with np.load(io.BytesIO(content)) as kept:
+            steps, status, watch = (kept[name] for name in ("steps", "status", "watch"))
+        outcomes = Outcomes(steps, status, task.max_steps, watch if watch.size else None)
+        if not _can_be(outcomes, task):
+            raise ValueError(f"{path} holds what no trial can end as")
+        return outcomes
 
     def keep(self, task: Task, outcomes: Outcomes) -> None:
         """Writes a task's outcomes, whole or not at all.
@@ -268,16 +285,38 @@ class Parts:
         """
         watch = np.zeros(0, np.float32) if outcomes.watch is None else outcomes.watch
         with (
-            replacing(self.folder / f"{task.name}.npz") as unfinished,
+            replacing(self._path(task)) as unfinished,
             unfinished.open("wb") as file,
+            io.BytesIO() as content,
         ):
-            np.savez_compressed(file, steps=outcomes.steps, status=outcomes.status, watch=watch)
+            np.savez_compressed(content, steps=outcomes.steps, status=outcomes.status, watch=watch)
+            file.write(sealed(content.getvalue(), self._identity(task)))
             file.flush()
             os.fsync(file.fileno())
 
     def remove(self) -> None:
         """Removes the folder."""
         shutil.rmtree(self.folder)
+
+
+def _can_be(outcomes: Outcomes, task: Task) -> bool:
+    """Whether a task can give these outcomes."""
+    shape = len(task.cells), task.trials
+    steps, status, watch = outcomes.steps, outcomes.status, outcomes.watch
+    kinds = (steps.shape, steps.dtype, status.shape, status.dtype)
+    if kinds != (shape, np.int32, shape, np.uint8):
+        return False
+    if task.scenarios[0].body.turns != (watch is not None):
+        return False
+    if watch is not None and (watch.shape, watch.dtype) != ((*shape, 3), np.float32):
+        return False
+    return bool(
+        np.isin(status, list(STATUS_NAMES)).all()
+        and (steps >= 1).all()
+        and (steps <= task.max_steps).all()
+        # What went wrong may have been no number.
+        and (watch is None or np.isfinite(watch[status != INVALID]).all())
+    )
 
 
 # ------------------------------------------------------------------------------ who runs tasks
@@ -295,22 +334,38 @@ def _bench(scheduler: str | None) -> Iterator[Any]:
         raise ValueError(
             "a scheduler needs the package distributed: pip install 'pcjax[cluster]'"
         ) from None
-    if scheduler == "local":
-        with (
-            LocalCluster(
-                threads_per_worker=1,
-                dashboard_address=None,  # pyright: ignore[reportArgumentType]  # none at all
-            ) as cluster,
-            Client(cluster) as client,
-        ):
-            yield lambda tasks: _through(client, tasks)
-        return
-    try:
-        client = Client(scheduler, timeout=PATIENCE)
-    except (OSError, ValueError) as error:
-        raise ValueError(f"no scheduler answers at {scheduler}: {error}") from None
-    with client:
+    with ExitStack() as stack:
+        stack.enter_context(_silent("distributed", "tornado", "asyncio"))
+        if scheduler == "local":
+            cluster = stack.enter_context(
+                LocalCluster(
+                    threads_per_worker=1,
+                    dashboard_address=None,  # pyright: ignore[reportArgumentType]  # none at all
+                )
+            )
+            client = Client(cluster)
+        else:
+            try:
+                client = Client(scheduler, timeout=PATIENCE)
+            except (OSError, ValueError) as error:
+                raise ValueError(f"no scheduler answers at {scheduler}: {error}") from None
+        stack.enter_context(client)
         yield lambda tasks: _through(client, tasks)
+
+
+@contextmanager
+def _silent(*names: str) -> Iterator[None]:
+    """Keeps loggers, and all below them, quiet about what is told in a line of our own."""
+    known = [name for name in logging.root.manager.loggerDict if name.split(".")[0] in names]
+    loggers = [logging.getLogger(name) for name in known]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 def _through(client: Any, tasks: Sequence[Task]) -> Iterator[tuple[Task, Outcomes]]:
@@ -346,6 +401,7 @@ def run_sweep(
     scheduler: str | None = None,
     progress: bool = False,
     plan: Plan | None = None,
+    tell: Callable[[str], object] = warnings.warn,
 ) -> xr.Dataset:
     """Evaluates every condition of a study's sweep and writes one labelled dataset.
 
@@ -361,6 +417,7 @@ def run_sweep(
             this machine; unless given, this process runs everything.
         progress: whether to show a bar on stderr.
         plan: of this study, if it has been made.
+        tell: is given a line where parts that were kept cannot be used, and are done again.
 
     Returns:
         A dataset along the swept numbers (along `condition` where they go together) with `index1`
@@ -368,17 +425,43 @@ def run_sweep(
         status), `trials_used`, `gap`, `dt` and `problem`.
 
     Raises:
-        ValueError: see `Plan`; or the file or its parts belong to another sweep.
+        ValueError: see `Plan`; or the file or its parts belong to another sweep, or another process
+            is at it.
         OSError: something cannot be written; what was done is kept.
     """
     out = Path(out)
     told = study.to_toml() + json.dumps(
         {"keep_trials": keep_trials, "pcjax": package_version(), "jax": jax.__version__}
     )
-    if out.exists():
+    if out.exists():  # for which no lock is needed, nor a folder that can be written
         return _finished(out, told)
     plan = Plan(study) if plan is None else plan
-    parts = Parts(out, told)
+    with locked(out):
+        if out.exists():
+            return _finished(out, told)
+        return _run_plan(
+            plan,
+            out,
+            told,
+            keep_trials=keep_trials,
+            scheduler=scheduler,
+            progress=progress,
+            tell=tell,
+        )
+
+
+def _run_plan(
+    plan: Plan,
+    out: Path,
+    told: str,
+    *,
+    keep_trials: bool,
+    scheduler: str | None,
+    progress: bool,
+    tell: Callable[[str], object],
+) -> xr.Dataset:
+    """Does what is missing and writes the file."""
+    study, parts = plan.study, Parts(out, told)
     samples = {key: _Samples(study.run.trials) for key in plan.cells}
     with (
         tqdm(
@@ -399,14 +482,21 @@ def run_sweep(
                 for start in range(first, first + trials, stages)
                 for task in plan.tasks(going, start, min(stages, first + trials - start))
             ]
-            missing = []
+            missing, unusable = [], []
             for task in tasks:
-                kept = parts.read(task)
+                try:
+                    kept = parts.read(task)
+                except ValueError as error:
+                    kept = None
+                    unusable.append(str(error))
                 if kept is None:
                     missing.append(task)
                 else:
                     _take(samples, task, kept)
                     bar.update(task.count)
+            if unusable:
+                others = f"; so it is with {len(unusable) - 1:,} more" if unusable[1:] else ""
+                tell(f"{unusable[0]}{others}: to be run again")
             for task, outcomes in do(missing):
                 parts.keep(task, outcomes)
                 _take(samples, task, outcomes)
@@ -414,14 +504,14 @@ def run_sweep(
     dataset = _assemble(plan, samples, keep_trials=keep_trials).assign_attrs(sweep=told)
     save_dataset(dataset, out)
     parts.remove()
-    return xr.load_dataset(out, engine="h5netcdf")
+    return load_dataset(out)
 
 
 def _finished(out: Path, told: str) -> xr.Dataset:
     try:
-        found = xr.load_dataset(out, engine="h5netcdf")
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{out} is there already and cannot be read: {error}") from None
+        found = load_dataset(out)
+    except ValueError as error:
+        raise ValueError(f"{error}; it is there already: name another file, or remove it") from None
     if found.attrs.get("sweep") != told:
         raise ValueError(
             f"{out} is there already, the result of something else (another study, other settings "

@@ -21,12 +21,12 @@ LAYERS = (
     ("study",),
     ("figures", "design", "export"),
     ("evaluate",),
-    ("results", "paper"),
+    ("results", "reading", "paper"),
     ("quality",),
     ("engines",),
     ("physics",),
     ("model",),
-    ("planar", "checks"),
+    ("planar", "checks", "files", "netcdf"),
 )
 """Top to bottom: the modules and folders directly under pcjax/. A module may import from its own
 layer and from those below. A new one fails the tests until it has its place here."""

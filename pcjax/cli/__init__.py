@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import NoReturn
 
 from pcjax.cli.animate import add_animate
 from pcjax.cli.claims import add_claims
@@ -13,7 +17,7 @@ from pcjax.cli.export import add_export
 from pcjax.cli.figure import add_figure
 from pcjax.cli.map import add_map
 from pcjax.cli.optimize import add_optimize
-from pcjax.cli.parts import HelpFormatter, NegativeNumber, Parser, fail
+from pcjax.cli.parts import HelpFormatter, NegativeNumber, Parser, Terminated, fail
 from pcjax.cli.results import add_plot, add_show
 from pcjax.cli.study import add_study
 from pcjax.cli.sweep import add_sweep
@@ -22,18 +26,37 @@ from pcjax.results import package_version
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Runs one command. Exit status 0, 2 for bad input, 130 when interrupted."""
+    """Runs one command. Exit status 0, 2 for bad input, 130 by Ctrl-C, 143 when terminated."""
     arguments = _parse(sys.argv[1:] if argv is None else list(argv))
     use_compilation_cache()
     try:
-        arguments.run(arguments)
+        with _told_to_end():
+            arguments.run(arguments)
     except ValueError as error:
         fail(str(error))
     except OSError as error:
         fail(f"cannot write {error.filename or 'the output'}: {error.strerror or error}")
-    except KeyboardInterrupt:
-        print("pcjax: interrupted", file=sys.stderr)
-        sys.exit(130)
+    except (KeyboardInterrupt, Terminated) as stop:
+        what = "terminated" if isinstance(stop, Terminated) else "interrupted"
+        print(f"pcjax: {'; '.join([what, *getattr(stop, '__notes__', ())])}", file=sys.stderr)
+        sys.exit(128 + (signal.SIGTERM if what == "terminated" else signal.SIGINT))
+
+
+@contextmanager
+def _told_to_end() -> Iterator[None]:
+    """Turns SIGTERM into `Terminated`, so that whatever is at work leaves its files in order."""
+
+    def end(*_: object) -> NoReturn:
+        raise Terminated
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _parse(argv: list[str]) -> argparse.Namespace:

@@ -13,6 +13,7 @@ from pcjax.cli.parts import (
     run_settings,
 )
 from pcjax.figures import run_figure
+from pcjax.reading import load_dataset
 from pcjax.study import Run
 
 _TRIALS = 1000
@@ -44,10 +45,7 @@ def _run(arguments: argparse.Namespace) -> None:
 def _load_figure(path: Path, name: str) -> xr.Dataset:
     if not path.is_file():
         raise ValueError(f"{path} is missing: --results has to name a folder with fig{name}.nc")
-    try:
-        data = xr.load_dataset(path, engine="h5netcdf")
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{path} is no netCDF file that can be read") from error
+    data = load_dataset(path)
     if data.attrs.get("figure") != name:
         raise ValueError(f"{path} does not hold Fig. {name}: make it by 'pcjax figure {name}'")
     return data

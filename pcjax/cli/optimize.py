@@ -18,6 +18,7 @@ from pcjax.cli.condition import (
     usual_parameters,
 )
 from pcjax.cli.parts import (
+    Terminated,
     add_dt,
     add_experiment,
     check_picture,
@@ -158,14 +159,20 @@ def _run(arguments: argparse.Namespace) -> None:
     elif arguments.method == "cma":
         found = search_cma(surrogate, space, settings, seconds=math.inf, progress=True)
     else:
-        found = optimize(
-            surrogate,
-            space,
-            settings,
-            estimator=_ESTIMATORS[arguments.estimator],
-            checkpoint=arguments.checkpoint,
-            progress=True,
-        )
+        try:
+            found = optimize(
+                surrogate,
+                space,
+                settings,
+                estimator=_ESTIMATORS[arguments.estimator],
+                checkpoint=arguments.checkpoint,
+                progress=True,
+            )
+        except (KeyboardInterrupt, Terminated) as stop:
+            if arguments.checkpoint and arguments.checkpoint.exists():
+                stop.add_note(f"the state is kept in {arguments.checkpoint}")
+                stop.add_note("the same command goes on from there")
+            raise
     seconds = time.perf_counter() - began
     if arguments.out:
         best = replace(study, hand=space.hand(found.best), sweep=None)

@@ -22,6 +22,10 @@ def fail(message: str) -> NoReturn:
     sys.exit(2)
 
 
+class Terminated(SystemExit):
+    """SIGTERM has come: there is time to leave the files in order, and for nothing else."""
+
+
 class Parser(argparse.ArgumentParser):
     """An argument parser whose errors are one line, with the nearest name for a misspelt one."""
 
@@ -138,6 +142,8 @@ def check_writable(path: Path | None) -> None:
         raise ValueError(f"cannot write {path}: the folder {folder} does not exist")
     if path.is_dir():
         raise ValueError(f"cannot write {path}: it is a folder")
+    if path.exists() and not path.is_file():
+        raise ValueError(f"cannot write {path}: it is no plain file")
     if not os.access(path if path.exists() else folder, os.W_OK):
         raise ValueError(f"cannot write {path}: no permission")
 

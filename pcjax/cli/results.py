@@ -10,6 +10,7 @@ import xarray as xr
 
 from pcjax.cli.figure import figure_table
 from pcjax.cli.parts import check_picture, number
+from pcjax.reading import load_dataset
 from pcjax.results import NAMES, Evaluation
 from pcjax.sweep import swept_names
 
@@ -56,36 +57,25 @@ def _at(text: str) -> tuple[str, float]:
     return name, number(value)
 
 
-def load(path: Path) -> xr.Dataset:
-    """A result file of any kind.
-
-    Raises:
-        ValueError: there is none, or it is not one of ours.
-    """
-    if not path.is_file():
-        raise ValueError(f"{path} does not exist")
-    try:
-        data = xr.load_dataset(path, engine="h5netcdf")
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{path} is no result that can be read (netCDF): {error}") from None
-    if not str(data.attrs.get("made_by", "")).startswith("pcjax"):
-        raise ValueError(f"{path} is no result of pcjax")
-    return data
-
-
 def _show(arguments: argparse.Namespace) -> None:
-    data = load(arguments.results)
+    data = load_dataset(arguments.results)
     if "sweep" in data.attrs:
         print(table(data, None if arguments.all else _LONGEST))
     elif "figure" in data.attrs:
         print(figure_table(data))
     else:
-        print(Evaluation(data))
+        print(_evaluation(data, arguments.results))
+
+
+def _evaluation(data: xr.Dataset, path: Path) -> Evaluation:
+    if "escape_step" not in data:
+        raise ValueError(f"{path} is no evaluation, sweep or figure: 'pcjax map' draws maps")
+    return Evaluation(data)
 
 
 def _plot(arguments: argparse.Namespace) -> None:
     check_picture(arguments.out)
-    data = load(arguments.results)
+    data = load_dataset(arguments.results)
     flags = ("x", "y", "hue")
     from pcjax.viz import plots, sweeps  # matplotlib takes a second to import
 
@@ -99,8 +89,10 @@ def _plot(arguments: argparse.Namespace) -> None:
                 raise ValueError(
                     f"{arguments.results} is no sweep: --x, --y, --hue, --at are not for it"
                 )
-        known = "figure" in data.attrs
-        figure = plots.plot_figure(data) if known else plots.plot_evaluation(Evaluation(data))
+        if "figure" in data.attrs:
+            figure = plots.plot_figure(data)
+        else:
+            figure = plots.plot_evaluation(_evaluation(data, arguments.results))
     figure.savefig(arguments.out, dpi=130)
 
 

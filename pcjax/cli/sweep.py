@@ -8,7 +8,9 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from pcjax.cli.parts import RUN_FLAGS, add_run, check_writable, number
+from tqdm import tqdm
+
+from pcjax.cli.parts import RUN_FLAGS, Terminated, add_run, check_writable, number
 from pcjax.cli.results import table
 from pcjax.study import load_study
 from pcjax.sweep import Plan, run_sweep
@@ -63,8 +65,10 @@ def _run(arguments: argparse.Namespace) -> None:
             scheduler=arguments.scheduler,
             progress=True,
             plan=plan,
+            tell=lambda line: tqdm.write(f"pcjax: {line}", file=sys.stderr),
         )
-    except KeyboardInterrupt:
-        print("pcjax: interrupted; the same command goes on where it was", file=sys.stderr)
-        sys.exit(130)
+    except (KeyboardInterrupt, Terminated) as stop:
+        stop.add_note(f"what was finished is kept in {arguments.out}.parts")
+        stop.add_note("the same command goes on where it was")
+        raise
     print(table(data))

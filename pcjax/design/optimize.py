@@ -12,6 +12,7 @@ import math
 import os
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from tqdm import tqdm
 from pcjax.checks import check_between, check_count
 from pcjax.design.compare import compare
 from pcjax.design.space import DesignSpace
+from pcjax.files import digest, locked, read_plain
 from pcjax.quality.gradients import Differences, Estimator, Gradient
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate
@@ -180,7 +182,8 @@ def optimize(
         and keeps the best so far.
 
     Raises:
-        ValueError: no allowed hand, or a checkpoint file of another optimisation.
+        ValueError: no allowed hand, or a checkpoint file that is damaged, of another optimisation,
+            or in use by another process.
 
     Examples:
         Far too few trials to find anything, but quick:
@@ -201,36 +204,36 @@ def optimize(
     # steep beginning.
     rule = optax.adam(_rate(settings), b1=0.6, b2=0.8)
     told = _fingerprint(surrogate, space, settings, estimator)
-    state = _load(path, told) if path is not None and path.exists() else None
-    if state is None:
-        blank = _numbers(rule.init(jnp.zeros(len(space.free))))
-        count = len(starts)
-        state = Progress(
-            [[] for _ in starts],
-            [list(map(float, start)) for start in starts],
-            [blank for _ in range(count)],
-            stopped=[False] * count,
-        )
-    interrupted = False
-    bar = tqdm(
-        total=settings.iterations,
-        initial=state.iteration,
-        desc="optimise",
-        unit="iteration",
-        disable=None if progress else True,
-        leave=False,
+    numbers, count = _numbers(rule.init(jnp.zeros(len(space.free)))), len(starts)
+    state = Progress(
+        [[] for _ in starts],
+        [list(map(float, start)) for start in starts],
+        [numbers for _ in range(count)],
+        stopped=[False] * count,
     )
-    with bar:
-        try:
-            while state.iteration < settings.iterations and not all(state.stopped):
-                state = _iterate(state, surrogate, space, settings, estimator, rule)
-                if path is not None:
-                    _keep(path, told, state)
-                bar.update()
-                last = [steps[-1] for steps in state.history]
-                bar.set_postfix_str(f"score {math.exp(max(s.value for s in last)):.4g}")
-        except KeyboardInterrupt:
-            interrupted = True
+    interrupted = False
+    with nullcontext() if path is None else locked(path):
+        if path is not None and os.path.lexists(path):
+            state = _load(path, told, state)
+        bar = tqdm(
+            total=settings.iterations,
+            initial=state.iteration,
+            desc="optimise",
+            unit="iteration",
+            disable=None if progress else True,
+            leave=False,
+        )
+        with bar:
+            try:
+                while state.iteration < settings.iterations and not all(state.stopped):
+                    state = _iterate(state, surrogate, space, settings, estimator, rule)
+                    if path is not None:
+                        _keep(path, told, state)
+                    bar.update()
+                    last = [steps[-1] for steps in state.history]
+                    bar.set_postfix_str(f"score {math.exp(max(s.value for s in last)):.4g}")
+            except KeyboardInterrupt:
+                interrupted = True
     ends = [
         settled_design(space, steps, design)
         for steps, design in zip(state.history, state.designs, strict=True)
@@ -423,20 +426,61 @@ def _fingerprint(
 
 
 def _keep(path: Path, told: str, state: Progress) -> None:
-    save_text(json.dumps({"of": told, "state": asdict(state)}, indent=1) + "\n", path)
+    kept = asdict(state)
+    kept = {"of": told, "state": kept, "sha256": _seal(kept, told)}
+    save_text(json.dumps(kept, indent=1) + "\n", path)
 
 
-def _load(path: Path, told: str) -> Progress:
+def _seal(state: Any, told: str) -> str:
+    return digest(json.dumps(state).encode(), told)
+
+
+def _load(path: Path, told: str, blank: Progress) -> Progress:
+    """The state that a file keeps.
+
+    Raises:
+        ValueError: it cannot be read, is damaged, or is another optimisation's.
+    """
+    damaged = ValueError(
+        f"{path} is no checkpoint of an optimisation, or it is damaged: name another file, or "
+        "remove it to begin anew"
+    )
+    content = read_plain(path)
     try:
-        kept = json.loads(path.read_text())
-        state = kept["state"]
+        kept = json.loads(content)
+        of, state, seal = (kept[name] for name in ("of", "state", "sha256"))
+        if seal != _seal(state, of):
+            raise damaged
         history = [[Step(**step) for step in steps] for steps in state.pop("history")]
         found = Progress(history, **state)
-    except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path} is no checkpoint of an optimisation: remove it") from error
-    if kept["of"] != told:
+        fits = of != told or _can_be(found, blank)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise damaged from None
+    if of != told:
         raise ValueError(
             f"{path} was kept by an optimisation with other settings: name another file, or "
             "remove it to begin anew"
         )
+    if not fits:
+        raise damaged
     return found
+
+
+def _can_be(found: Progress, blank: Progress) -> bool:
+    """Whether an optimisation that begins with `blank` can come to this state."""
+
+    def shapes(numbers: Any) -> Any:
+        return [np.shape(number) for number in numbers]
+
+    steps = [step for history in found.history for step in history]
+    designs = [*found.designs, *(step.design for step in steps)]
+    return (
+        shapes(designs) == shapes(blank.designs[:1]) * len(designs)
+        and len(found.history) == len(found.designs) == len(blank.designs)
+        and [shapes(numbers) for numbers in found.state] == [shapes(n) for n in blank.state]
+        and len(found.stopped) == len(blank.stopped)
+        and all(isinstance(stopped, bool) for stopped in found.stopped)
+        and all(np.isfinite(np.array(design, float)).all() for design in designs)
+        and all(type(count) is int and count >= 0 for count in (found.trials, found.invalid))
+        and 0 <= found.seconds < math.inf
+    )
