@@ -140,12 +140,13 @@ def extremes(
         means, before = middle, np.zeros(len(values))
         for _ in range(_ROUNDS):
             slope = sign * slopes(means)
-            if np.allclose(slope, before, rtol=1e-9, atol=0):
-                break
+            if np.abs(slope - before).max() <= 1e-6 * np.abs(slope).max():
+                break  # the bounds are then known to about as much
             corner = np.where(slope > 0, ends[1], ends[0])
             distance = np.append(slope @ (corner[:, None] - values), 0.0)
             weights = _weights(distance)
-            means = values @ weights[:-1] + corner * weights[-1]
+            # Not beyond the ends by rounding.
+            means = np.clip(values @ weights[:-1] + corner * weights[-1], *ends)
             before = slope
         found.append(means)
     return found[0], found[1]
@@ -171,9 +172,12 @@ def _weights(distance: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         u = math.sqrt(float(each @ each) / mean**2 - count)
         return w + math.log(u / w) / w - _Z95
 
-    # Between its ends `excess` is for certain: w^2 <= 2 n var / g^2.
-    most = 2 * math.sqrt(count) * float(distance.std())
-    g = math.exp(root_scalar(excess, bracket=(-60.0, math.log(most)), xtol=1e-10).root)
+    # Here it is negative for certain: w^2 <= 2 n var / g^2.
+    most = math.log(2 * math.sqrt(count) * float(distance.std()))
+    least = most - 2
+    while excess(least) < 0:
+        least -= 2
+    g = math.exp(root_scalar(excess, bracket=(least, most), xtol=1e-9).root)
     each = 1 / (g + distance)
     return each / each.sum()
 
