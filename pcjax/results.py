@@ -26,7 +26,15 @@ from pcjax.model.body import Body, Stick
 from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario
 from pcjax.physics.step import INVALID, PAPER_DT
-from pcjax.quality.indices import UNDEFINED, Estimate, index1, index2, ratio, survival_curve
+from pcjax.quality.indices import (
+    UNDEFINED,
+    Estimate,
+    index1,
+    index2,
+    mean,
+    ratio,
+    survival_curve,
+)
 from pcjax.reading import load_dataset
 
 WATCHED = {
@@ -140,27 +148,53 @@ def _stick_attributes(body: Body) -> dict[str, float]:
 
 
 def indices_of(
-    steps: Int32[np.ndarray, " trials"], status: UInt8[np.ndarray, " trials"]
+    steps: Int32[np.ndarray, " trials"],
+    status: UInt8[np.ndarray, " trials"],
+    limit: int,
+    *,
+    caged: bool,
 ) -> dict[str, Estimate]:
-    """Index 1 and index 2 over the trials that did not go wrong."""
+    """Index 1 and index 2 over the trials that did not go wrong; `caged`: in a full cage."""
     valid = status != INVALID
     if not valid.any():
         return {"index1": UNDEFINED, "index2": UNDEFINED}
-    return {"index1": index1(steps[valid]), "index2": index2(status[valid] == LIMIT)}
+    return {
+        "index1": index1(steps[valid], limit, certain=caged),
+        "index2": index2(status[valid] == LIMIT, certain=caged),
+    }
 
 
 def score_of(
-    steps: Int32[np.ndarray, "2 trials"], status: UInt8[np.ndarray, "2 trials"]
+    steps: Int32[np.ndarray, "2 trials"],
+    status: UInt8[np.ndarray, "2 trials"],
+    limit: int,
+    *,
+    caged: tuple[bool, bool],
 ) -> dict[str, Estimate]:
     """The score (18) by index 1 and by index 2, of DoEs and EoEn on the same trials."""
     valid = (status != INVALID).all(axis=0)
     if not valid.any():
         return {"index1": UNDEFINED, "index2": UNDEFINED}
-    stayed = (status[:, valid] == LIMIT).astype(float)
+    held, stayed = steps[:, valid].astype(float), (status[:, valid] == LIMIT).astype(float)
     return {
-        "index1": ratio(*steps[:, valid].astype(float)),
-        "index2": ratio(*stayed),
+        "index1": ratio(held[0], held[1], limit, certain=caged),
+        "index2": ratio(stayed[0], stayed[1], 1.0, certain=caged),
     }
+
+
+def _in_words(estimate: Estimate, form: str, wide: int, wide_error: int) -> str:
+    """Value and standard error in columns; in words where there is none."""
+    if math.isnan(estimate.value):
+        return f"{'undefined':>{wide}}{'':{wide_error + 3}}"
+    error = "unknown" if math.isnan(estimate.se) else f"{estimate.se:{form}}"
+    return f"{estimate.value:>{wide}{form}} ± {error:<{wide_error}}"
+
+
+def _interval(estimate: Estimate, form: str) -> str:
+    """The interval in brackets, nothing where there is none."""
+    if math.isnan(estimate.low):
+        return ""
+    return f"[{estimate.low:{form}}, {estimate.high:{form}}]"
 
 
 class Evaluation:
@@ -310,7 +344,9 @@ class Evaluation:
     def indices(self, direction: str) -> dict[str, Estimate]:
         """Index 1 and index 2 in one direction, over the trials that did not go wrong."""
         one = self.dataset.sel(direction=direction)
-        return indices_of(one.escape_step.values, one.status.values)
+        return indices_of(
+            one.escape_step.values, one.status.values, self.max_steps, caged=self._caged(direction)
+        )
 
     def score(self) -> dict[str, Estimate]:
         """The score (18) by index 1 and by index 2; trial i of both directions shares its draws.
@@ -321,7 +357,10 @@ class Evaluation:
         if len(self.directions) < 2:
             raise ValueError("the score needs both directions: evaluate with direction='both'")
         both = self.dataset.sel(direction=list(NAMES))
-        return score_of(both.escape_step.values, both.status.values)
+        does, eoen = (self._caged(direction) for direction in NAMES)
+        return score_of(
+            both.escape_step.values, both.status.values, self.max_steps, caged=(does, eoen)
+        )
 
     def difference(self, other: Evaluation, direction: str) -> dict[str, Estimate]:
         """How much higher this hand's index 1 and index 2 are than another one's.
@@ -345,9 +384,12 @@ class Evaluation:
         (steps, stayed), (their_steps, they_stayed) = (
             run._trials(direction, valid) for run in (self, other)
         )
+        # Of a hand that is a full cage it is known that every trial reaches the limit.
+        mine, theirs = (0.0 if run._caged(direction) else 1.0 for run in (self, other))
+        limit = self.max_steps
         return {
-            "index1": index1(steps - their_steps),
-            "index2": index1(stayed.astype(int) - they_stayed.astype(int)),
+            "index1": mean((steps - their_steps).astype(float), -limit * mine, limit * theirs),
+            "index2": mean(stayed.astype(float) - they_stayed.astype(float), -mine, theirs),
         }
 
     def status(self, direction: str) -> dict[str, int]:
@@ -376,16 +418,14 @@ class Evaluation:
     def notes(self) -> list[str]:
         """What one should know before using the numbers; empty if all is well."""
         notes = []
-        attrs = self.dataset.attrs
-        diameter = float(attrs.get("width", 2 * attrs["radius"]))
         for direction in self.directions:
             name, counts, n = NAMES[direction], self.status(direction), self.trials
-            gap = float(self.dataset.gap.sel(direction=direction))
-            caged = bool(full_cage(gap, diameter))
+            caged = self._caged(direction)
             if caged:
+                gap, width = self._gap_and_width(direction)
                 notes.append(
                     f"{name}: full cage, the gap of {gap:.4g} is narrower than the object "
-                    f"({diameter:.4g}) and nothing passes"
+                    f"({width:.4g}) and nothing passes"
                 )
             if counts["invalid"]:
                 notes.append(
@@ -440,20 +480,12 @@ class Evaluation:
     def __repr__(self) -> str:
         attrs = self.dataset.attrs
         rows = [f"{'':8}{'index 1 [steps]':>26}{'':24}{'index 2':>18}"]
-        for direction in self.directions:
-            one, two = self.indices(direction).values()
-            rows.append(
-                f"{NAMES[direction]:8}{one.value:>10,.0f} ± {one.se:<7,.0f}"
-                f"{f'[{one.low:,.0f}, {one.high:,.0f}]':>24}"
-                f"{two.value:>12.4f} ± {two.se:.4f}  [{two.low:.4f}, {two.high:.4f}]"
-            )
-        if len(self.directions) == 2:
-            one, two = self.score().values()
-            rows.append(
-                f"{'score':8}{one.value:>10.4f} ± {one.se:<7.4f}"
-                f"{f'[{one.low:.4f}, {one.high:.4f}]':>24}"
-                f"{two.value:>12.4f} ± {two.se:.4f}  [{two.low:.4f}, {two.high:.4f}]"
-            )
+        told = [(NAMES[d], self.indices(d), ",.0f") for d in self.directions]
+        told += [("score", self.score(), ".4f")] if len(self.directions) == 2 else []
+        for name, estimates, form in told:
+            one, two = estimates.values()
+            left = f"{name:8}{_in_words(one, form, 10, 7)}{_interval(one, form):>24}"
+            rows.append(f"{left}{_in_words(two, '.4f', 12, 6)}  {_interval(two, '.4f')}".rstrip())
         rows.append(
             f"{self.trials:,} trials a direction, limit {self.max_steps:,} steps, seed "
             f"{attrs['seed']}, {engines_text(attrs['engine'], attrs['dt'])}, "
@@ -469,6 +501,14 @@ class Evaluation:
                     f"{self.status(direction)['invalid']} trials went wrong"
                 )
         return "\n".join(rows + [f"note: {note}" for note in self.notes()])
+
+    def _gap_and_width(self, direction: str) -> tuple[float, float]:
+        attrs = self.dataset.attrs
+        width = float(attrs.get("width", 2 * attrs["radius"]))
+        return float(self.dataset.gap.sel(direction=direction)), width
+
+    def _caged(self, direction: str) -> bool:
+        return bool(full_cage(*self._gap_and_width(direction)))
 
     def _valid(self, directions: list[str]) -> np.ndarray:
         return (self.dataset.status.sel(direction=directions) != INVALID).all("direction").values

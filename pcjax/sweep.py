@@ -35,7 +35,7 @@ from pcjax.model.body import Circle
 from pcjax.model.drive import WristTilt
 from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario, check_geometry
-from pcjax.physics.step import INVALID, PAPER_DT, PASSED
+from pcjax.physics.step import INVALID, PAPER_DT
 from pcjax.quality.indices import Estimate
 from pcjax.reading import load_dataset
 from pcjax.results import (
@@ -57,9 +57,6 @@ PATIENCE = 20.0
 
 _CONDITIONS = 16
 """Conditions, each in one direction, in a task."""
-
-_FEWEST_PASSED = 10
-"""Trials that have to have passed before an interval is believed."""
 
 _COST = {"event": 0.18e-3, "circle": 2.5e-3, "stick": 5e-3}
 """Rough processor seconds of a trial of the paper's length, on a core of 2023."""
@@ -556,35 +553,31 @@ def _take(samples: Mapping[tuple[int, str], _Samples], task: Task, outcomes: Out
 
 
 def _estimates(
-    study: Study, samples: Mapping[tuple[int, str], _Samples], condition: int
+    plan: Plan, samples: Mapping[tuple[int, str], _Samples], condition: int
 ) -> tuple[dict[str, dict[str, Estimate]], dict[str, Estimate] | None]:
     """Each direction's indices, and the score if there is one, from the trials so far."""
-    cells = [samples[condition, d] for d in study.directions]
-    used = cells[0].used
+    directions, limit = plan.study.directions, plan.study.max_steps
+    cells = [plan.cells[condition, d] for d in directions]
+    caged = [bool(full_cage(c.gap, float(c.scenario.body.width))) for c in cells]
+    some = [samples[condition, d] for d in directions]
+    steps, status = (
+        np.stack([getattr(sample, name)[: some[0].used] for sample in some])
+        for name in ("steps", "status")
+    )
     each = {
-        d: indices_of(cell.steps[:used], cell.status[:used])
-        for d, cell in zip(study.directions, cells, strict=True)
+        d: indices_of(steps[k], status[k], limit, caged=caged[k]) for k, d in enumerate(directions)
     }
-    if len(cells) == 1:
+    if len(directions) == 1:
         return each, None
-    steps = np.stack([cell.steps[:used] for cell in cells])
-    return each, score_of(steps, np.stack([cell.status[:used] for cell in cells]))
+    return each, score_of(steps, status, limit, caged=(caged[0], caged[1]))
 
 
 def _enough(plan: Plan, samples: Mapping[tuple[int, str], _Samples], condition: int) -> bool:
-    """Whether a condition's score is known as well as was asked for.
-
-    While hardly anything has passed, the interval says nothing, unless nothing can.
-    """
+    """Whether a condition's score is known as well as was asked for."""
     study, target = plan.study, plan.study.run.precision_target
     if target is None or samples[condition, study.directions[0]].used == 0:
         return False
-    for direction in study.directions:
-        cell = plan.cells[condition, direction]
-        passed = np.sum(samples[condition, direction].status == PASSED)
-        if passed < _FEWEST_PASSED and not full_cage(cell.gap, float(cell.scenario.body.width)):
-            return False
-    each, score = _estimates(study, samples, condition)
+    each, score = _estimates(plan, samples, condition)
     estimate = each[study.directions[0]]["index1"] if score is None else score["index1"]
     return estimate.high - estimate.low <= 2 * target * estimate.value
 
@@ -608,7 +601,7 @@ def _assemble(
     for k in range(count):
         if plan.problems[k]:
             continue
-        each, ratio = _estimates(study, samples, k)
+        each, ratio = _estimates(plan, samples, k)
         for d, direction in enumerate(directions):
             cell, sample = plan.cells[k, direction], samples[k, direction]
             used[k] = sample.used

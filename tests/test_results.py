@@ -298,13 +298,17 @@ def test_an_unremarkable_run_has_no_notes(run: pcjax.Evaluation):
 def test_nobody_escapes_within_the_limit():
     stuck = built(does=[(1000, L)] * 3, eoen=[(1000, L)] * 3)
     for direction, name in (("does", "DoEs"), ("eoen", "EoEn")):
-        assert astuple(stuck.indices(direction)["index1"]) == (1000.0, 0.0, 1000.0, 1000.0)
-        assert stuck.indices(direction)["index2"].value == 1.0
+        one, two = stuck.indices(direction).values()
+        assert (one.value, one.se, one.high) == (1000.0, 0.0, 1000.0)
+        assert (two.value, two.se, two.high) == (1.0, 0.0, 1.0)
+        # Three trials that stay say little: 0.025^(1/3) of all, and no more, stay for certain.
+        assert one.low / 1000 == pytest.approx(two.low) == pytest.approx(0.292, abs=0.01)
         assert noted(stuck, name, "nobody passed", "1,000 steps")
     assert noted(stuck, "EoEn is at the limit")
     assert not noted(stuck, "full cage")
-    assert astuple(stuck.score()["index1"]) == (1.0, 0.0, 1.0, 1.0)
-    assert stuck.score()["index2"].value == 1.0
+    for score in stuck.score().values():
+        assert (score.value, score.se) == (1.0, 0.0)
+        assert 0 < score.low < 0.5 < 2 < score.high
 
 
 def test_nobody_escapes_from_a_real_hand_in_one_step():
@@ -330,6 +334,10 @@ def test_a_hand_too_narrow_for_the_object_is_a_full_cage():
     hand = pcjax.box_hand(0.0, gap_width=40.0)
     caged = built(hand=hand, radius=25.0, does=[(1000, L)] * 2, eoen=[(1000, L)] * 2)
     assert noted(caged, "full cage", "40", "50")
+    assert astuple(caged.indices("does")["index1"]) == (1000.0, 0.0, 1000.0, 1000.0)
+    assert astuple(caged.indices("does")["index2"]) == (1.0, 0.0, 1.0, 1.0)
+    assert astuple(caged.score()["index1"]) == (1.0, 0.0, 1.0, 1.0)
+    assert astuple(caged.difference(caged, "does")["index1"]) == (0.0, 0.0, 0.0, 0.0)
     # That nobody passes is then no question of the limit.
     assert not noted(caged, "nobody passed")
     fits = built(hand=hand, radius=19.0, does=[(1000, L)] * 2, eoen=[(1000, L)] * 2)
@@ -347,16 +355,16 @@ def test_invalid_trials_are_counted_and_left_out_in_pairs():
     assert noted(some, "EoEn", "1 of 5", "went wrong")
     # Alone, a direction leaves out its own; the score leaves out the pair.
     assert some.indices("does") == {
-        "index1": index1(np.array([100, 200, 1000, 500])),
+        "index1": index1(np.array([100, 200, 1000, 500]), 1000),
         "index2": index2(np.array([False, False, True, False])),
     }
     assert some.indices("eoen") == {
-        "index1": index1(np.array([150, 350, 1000, 1000])),
+        "index1": index1(np.array([150, 350, 1000, 1000]), 1000),
         "index2": index2(np.array([False, False, True, True])),
     }
     assert some.score() == {
-        "index1": ratio(np.array([100.0, 1000.0, 500.0]), np.array([150.0, 1000.0, 1000.0])),
-        "index2": ratio(np.array([0.0, 1.0, 0.0]), np.array([0.0, 1.0, 1.0])),
+        "index1": ratio(np.array([100.0, 1000, 500]), np.array([150.0, 1000, 1000]), 1000.0),
+        "index2": ratio(np.array([0.0, 1.0, 0.0]), np.array([0.0, 1.0, 1.0]), 1.0),
     }
     times, left = some.survival("does")
     assert times.tolist() == [0, 100, 200, 500]
@@ -372,7 +380,8 @@ def test_trials_that_all_go_wrong_leave_everything_undefined():
     assert not noted(wrong, "is 0")
     plain = json.loads(json.dumps(wrong.as_json(), allow_nan=False))
     assert plain["does"]["index1"] == dict.fromkeys(("value", "se", "low", "high"))
-    assert "nan" in repr(wrong)
+    rows = repr(wrong).splitlines()[1:4]
+    assert all(row.split()[1:] == ["undefined", "undefined"] for row in rows)
 
 
 def test_an_undefined_score_is_noted_whichever_trials_are_left_out():
@@ -386,9 +395,11 @@ def test_an_undefined_score_is_noted_whichever_trials_are_left_out():
 def test_one_trial_is_a_value_without_an_error():
     one = built(does=[(10, P)], eoen=[(20, P)])
     plain = json.loads(json.dumps(one.as_json(), allow_nan=False))
-    assert plain["does"]["index1"] == {"value": 10.0, "se": None, "low": None, "high": None}
-    assert plain["score"]["index1"] == {"value": 0.5, "se": None, "low": None, "high": None}
-    assert "nan" in repr(one)
+    for estimate, value in ((plain["does"]["index1"], 10.0), (plain["score"]["index1"], 0.5)):
+        assert (estimate["value"], estimate["se"]) == (value, None)
+        assert estimate["low"] < value < estimate["high"]
+    assert "10 ± unknown" in repr(one)
+    assert "nan" not in repr(one)
 
 
 def test_the_plain_object_is_strict_json(run: pcjax.Evaluation):
@@ -411,7 +422,11 @@ def test_differences_between_hands_are_paired(run: pcjax.Evaluation):
         found = run.difference(other, direction)["index1"]
         assert found.value == pytest.approx((mine - theirs).mean())
         assert found.se == pytest.approx((mine - theirs).std(ddof=1) / math.sqrt(run.trials))
-    assert run.difference(run, "does")["index2"].value == 0.0
+        assert found.low < found.value < found.high
+    same = run.difference(run, "does")["index2"]
+    assert (same.value, same.se) == (0.0, 0.0)
+    # Two of 64 trials could yet have told the hands apart.
+    assert same.high == -same.low == pytest.approx(1 - 0.025 ** (1 / 64), rel=0.02)
 
 
 def test_runs_on_other_trials_are_not_compared(run: pcjax.Evaluation):

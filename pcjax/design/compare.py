@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,10 +11,9 @@ from jaxtyping import Float
 from tqdm import tqdm
 
 from pcjax.design.space import DesignSpace
-from pcjax.quality.indices import Estimate
-from pcjax.quality.surrogate import Surrogate
-
-_Z95 = 1.959964
+from pcjax.physics.step import PAPER_DT
+from pcjax.quality.indices import Estimate, extremes
+from pcjax.quality.surrogate import Sample, Surrogate
 
 _BATCH = 64
 """Designs that run together."""
@@ -29,14 +28,21 @@ class Comparison:
         logs: their logarithms.
         covariance: of the logarithms.
         trials: of each design and direction.
-        invalid: the most trials of one design that went wrong; they are left out everywhere.
+        sample: what the trials gave.
+        surrogate: what they are scored by.
     """
 
     scores: list[Estimate]
     logs: Float[np.ndarray, " designs"]
     covariance: Float[np.ndarray, "designs designs"]
     trials: int
-    invalid: int
+    sample: Sample
+    surrogate: Surrogate
+
+    @property
+    def invalid(self) -> int:
+        """The most trials of one design that went wrong; they are left out everywhere."""
+        return self.sample.invalid
 
     @property
     def best(self) -> int:
@@ -50,7 +56,37 @@ class Comparison:
         pair = np.ix_([start, end], [start, end])
         se = math.sqrt(max(float(jacobian @ self.covariance[pair] @ jacobian), 0.0))
         value = float(values[1] - values[0])
-        return Estimate(value, se, value - _Z95 * se, value + _Z95 * se)
+
+        def gain(logs: Float[np.ndarray, "2"]) -> tuple[float, Float[np.ndarray, "2"]]:
+            scores = np.exp(logs)
+            return float(scores[1] - scores[0]), scores * [-1.0, 1.0]
+
+        low, high = _bounds(self.surrogate, self.sample, [start, end], gain)
+        return Estimate(value, se, min(low, value), max(high, value))
+
+
+def _bounds(
+    surrogate: Surrogate,
+    sample: Sample,
+    designs: list[int],
+    of: Callable[[Float[np.ndarray, " n"]], tuple[float, Float[np.ndarray, " n"]]],
+) -> tuple[float, float]:
+    """95 % bounds of a function of some designs' log scores, `of`, that gives its slopes, too."""
+    values = sample.values[designs][..., sample.valid]
+    shape = values.shape[:-1]
+
+    def judge(means: Float[np.ndarray, " k"]) -> tuple[float, Float[np.ndarray, " k"]]:
+        each, slopes = surrogate.judge(means.reshape(shape))
+        value, weights = of(each @ surrogate.signs)
+        weighted = weights[:, None, None] * surrogate.signs[:, None] * slopes
+        return value, weighted.ravel()
+
+    most = np.broadcast_to([surrogate.task.max_steps * PAPER_DT, 1.0], shape).ravel()
+    found = extremes(
+        values.reshape(len(most), -1), np.stack([0 * most, most]), lambda m: judge(m)[1]
+    )
+    low, high = (judge(means)[0] for means in found)
+    return low, high
 
 
 def compare(
@@ -77,16 +113,12 @@ def compare(
     count = influence.shape[1]
     covariance = influence @ influence.T / (count * (count - 1))
     errors = np.sqrt(np.diag(covariance))
-    scores = [
-        Estimate(
-            math.exp(log),
-            math.exp(log) * error,
-            math.exp(log - _Z95 * error),
-            math.exp(log + _Z95 * error),
-        )
-        for log, error in zip(logs, errors, strict=True)
-    ]
-    return Comparison(scores, logs, covariance, trials, sample.invalid)
+    scores = []
+    for k, (log, error) in enumerate(zip(logs, errors, strict=True)):
+        value = math.exp(log)
+        low, high = _bounds(exact, sample, [k], lambda one: (math.exp(one[0]), np.ones(1)))
+        scores.append(Estimate(value, value * error, min(low, value), max(high, value)))
+    return Comparison(scores, logs, covariance, trials, sample, exact)
 
 
 def score_all(
