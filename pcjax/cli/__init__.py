@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Callable, Sequence
+from typing import Any
 
+from pcjax.checks import InputWarning
 from pcjax.cli.animate import add_animate
 from pcjax.cli.claims import add_claims
 from pcjax.cli.evaluate import add_evaluate
@@ -26,7 +29,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     arguments = _parse(sys.argv[1:] if argv is None else list(argv))
     use_compilation_cache()
     try:
-        arguments.run(arguments)
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", InputWarning)
+            warnings.showwarning = _in_one_line(warnings.showwarning)
+            arguments.run(arguments)
     except ValueError as error:
         fail(str(error))
     except OSError as error:
@@ -34,6 +40,18 @@ def main(argv: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         print("pcjax: interrupted", file=sys.stderr)
         sys.exit(130)
+
+
+def _in_one_line(show: Callable[..., None]) -> Callable[..., None]:
+    """A way to show warnings: of input, as a line of the command's own; others as they were."""
+
+    def mine(message: Warning | str, category: type[Warning], *where: Any) -> None:
+        if issubclass(category, InputWarning):
+            print(f"pcjax: {message}", file=sys.stderr)
+        else:
+            show(message, category, *where)
+
+    return mine
 
 
 def _parse(argv: list[str]) -> argparse.Namespace:
