@@ -245,6 +245,7 @@ def energy_growth(
 @jax.jit(static_argnames="leaps")
 def _growth(scenario: Scenario, draws: jax.Array, leaps: int) -> tuple[jax.Array, jax.Array]:
     world, drive = scenario.world(), scenario.drive
+    assert isinstance(drive, WristTilt)
 
     def one(draw: jax.Array) -> tuple[jax.Array, jax.Array]:
         position = scenario.start(draw[:3])
@@ -317,6 +318,7 @@ def main() -> None:
 def row_of(case: Case, verdict: Verdict) -> dict[str, object]:
     """One line of the table."""
     scenario = case.scenario
+    assert isinstance(scenario.drive, WristTilt)
     return {
         "limbs": "-".join(str(len(ls)) for ls in scenario.hand.lengths),
         "shape": case.shape,

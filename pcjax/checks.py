@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable
+import sys
+import warnings
+from collections.abc import Iterable, Mapping
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -58,6 +61,59 @@ def check_count(name: str, value: Any, low: int, high: int) -> None:
 def one_line(text: object) -> str:
     """The text with whatever would leave its line, or the printable, written as an escape."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(text))
+
+
+class InputWarning(UserWarning):
+    """Input that can be used, but is probably not what was meant."""
+
+
+_WRAPPERS = ("equinox", "jaxtyping", "beartype", "dataclasses")
+"""Packages whose frames lie between a constructor and its caller."""
+
+
+def check_radians(angles: Mapping[str, Any]) -> None:
+    """Warns the caller of the function that calls this of angles beyond a turn: degrees, probably.
+
+    Only code outside this package is warned: its own angles were checked where they came in, or
+    are derived from such. Traced values are not looked at.
+    """
+    turn = 2 * math.pi * (1 + 1e-6)  # a turn in 32 bits is within
+    large = {name: _plain(angle) for name, angle in angles.items()}
+    large = {name: n for name, n in large.items() if n is not None and abs(n) > turn}
+    if not large:
+        return
+    level, frame = 3, sys._getframe(2)
+    while _package_of(frame) in _WRAPPERS and frame.f_back is not None:
+        level, frame = level + 1, frame.f_back
+    if _package_of(frame) == __package__:
+        return
+    told = ", ".join(f"{name} is {number:g}" for name, number in large.items())
+    warnings.warn(
+        f"{told}: angles are in radians, and this is more than a turn; are these degrees? "
+        "math.radians converts them",
+        InputWarning,
+        stacklevel=level,
+    )
+
+
+def doubts_of_degrees(name: str, degrees: Iterable[float], *, joints: bool = False) -> list[str]:
+    """What is strange about angles given in degrees, in words; mostly nothing.
+
+    Arguments:
+        name: what they are called where they were given.
+        degrees: the angles.
+        joints: whether these are all of a hand's joints.
+    """
+    largest = max(degrees, key=abs, default=0.0)
+    if 360 < abs(largest) < math.inf:
+        return [f"{name} is {largest:g} deg, more than a turn: a digit too many?"]
+    if joints and 0 < abs(largest) < 3:
+        return [f"{name}: no joint is bent by 3 deg or more; these look like radians"]
+    return []
+
+
+def _package_of(frame: FrameType) -> str:
+    return frame.f_globals.get("__name__", "").partition(".")[0]
 
 
 def did_you_mean(word: str, names: Iterable[str]) -> str:

@@ -6,7 +6,8 @@ import itertools
 import math
 import os
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,14 @@ from typing import Any
 import numpy as np
 
 from pcjax import paper
-from pcjax.checks import check_between, check_count, did_you_mean, one_line
+from pcjax.checks import (
+    InputWarning,
+    check_between,
+    check_count,
+    did_you_mean,
+    doubts_of_degrees,
+    one_line,
+)
 from pcjax.design.space import DesignSpace, parameter
 from pcjax.engines.choice import ENGINES
 from pcjax.evaluate import default_max_steps
@@ -337,6 +345,8 @@ def _setter(study: Study, name: str) -> _Setter:
 def load_study(path: str | os.PathLike[str]) -> Study:
     """Reads a study file.
 
+    Warns (`InputWarning`) of angles that look like a slip of units.
+
     Raises:
         ValueError: no such file, no TOML, an unknown or missing key, or a value that does not do.
 
@@ -367,10 +377,14 @@ def load_study(path: str | os.PathLike[str]) -> Study:
         raise ValueError(f"{path} is no study: its lists are nested too deeply") from None
     except ValueError as error:  # of TOML, or of a number with thousands of digits
         raise ValueError(f"{path} is no TOML: {one_line(error)}") from None
+    reader = _Reader(data)
     try:
-        return _Reader(data).study()
+        study = reader.study()
     except ValueError as error:
         raise ValueError(f"{path}: {one_line(error)}") from None
+    for doubt in reader.doubts:
+        warnings.warn(f"{path}: {doubt}", InputWarning, stacklevel=2)
+    return study
 
 
 class _Reader:
@@ -378,6 +392,13 @@ class _Reader:
 
     def __init__(self, data: Mapping[str, Any]):
         self.data = data
+        self.doubts: list[str] = []
+
+    def doubt(self, where: str, key: str, values: Iterable[float]) -> None:
+        """Takes down what is strange about the angles of a key."""
+        if key.endswith("_deg"):
+            joints = key in ("angles_deg", "joint_angles_deg")
+            self.doubts += doubts_of_degrees(f"[{where}] {key}", values, joints=joints)
 
     def study(self) -> Study:
         self.known("", self.data, ("hand", "body", "drive", "contact", "run", "sweep"))
@@ -502,6 +523,8 @@ class _Reader:
             raise ValueError("sweep has to be a table, [sweep]")
         zipped = self.word("sweep", "mode", ("grid", "zip"), "grid") == "zip"
         values = {name: self.line(name, v) for name, v in table.items() if name != "mode"}
+        for name, line in values.items():
+            self.doubt("sweep", name, line)
         return Sweep(values, zipped)
 
     def line(self, name: str, value: Any) -> tuple[float, ...]:
@@ -564,7 +587,9 @@ class _Reader:
         if not _is_number(value):
             unit = ", in degrees" if key.endswith("_deg") else ""
             raise ValueError(f"[{where}] {key} is {value!r}: it has to be a number{unit}")
-        return _float(value)
+        value = _float(value)
+        self.doubt(where, key, [value])
+        return value
 
     def count(self, where: str, key: str) -> int:
         value = self.table(where)[key]
@@ -589,7 +614,9 @@ class _Reader:
             raise ValueError(
                 f"[{where}] {key} is {value!r}: it has to be a list of {count} numbers"
             )
-        return tuple(map(_float, value))
+        found = tuple(map(_float, value))
+        self.doubt(where, key, found)
+        return found
 
     def rows(self, key: str) -> list[list[float]]:
         value = self.table("hand").get(key)
@@ -601,7 +628,9 @@ class _Reader:
             raise ValueError(
                 f"[hand] {key} is {value!r}: it has to be two lists of numbers, one for each finger"
             )
-        return [[_float(x) for x in row] for row in value]
+        found = [[_float(x) for x in row] for row in value]
+        self.doubt("hand", key, itertools.chain(*found))
+        return found
 
 
 def _is_number(value: Any) -> bool:

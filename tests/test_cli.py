@@ -409,8 +409,11 @@ def test_optimize_prints_one_object_and_keeps_a_hand_that_evaluate_reads(
     line = f"{QUICK_OPTIMUM} --json --out best.toml --plot best.png --checkpoint state.json"
     told = one_object(command(line))
     assert list(told) == [
-        *("start", "best", "improvement", "iterations", "trials", "invalid", "wall_seconds")
+        *("start", "best", "improvement", "iterations", "trials", "invalid", "wall_seconds"),
+        "notes",
     ]
+    assert told["notes"] == []
+    assert told["start"].pop("moved") is False
     assert told["invalid"] == 0
     for side in ("start", "best"):
         assert set(told[side]) == {"parameters", "score"}
@@ -451,6 +454,34 @@ def test_ways_to_optimize(command: Command, flags: str):
     assert (done.code, done.err) == (0, "")
     assert re.search(r"^improvement: ", done.out, re.MULTILINE)
     assert re.search(r"better", done.out)
+
+
+def test_a_start_outside_the_bounds_is_named_and_compared_with(command: Command):
+    done = command(f"{QUICK_OPTIMUM} --free fingertip-angle=20:30 --json")
+    (line,) = done.err.splitlines()
+    assert line.startswith("pcjax: the given hand is not an allowed one")
+    assert "fingertip_angle is 10 deg, outside 20 to 30 deg" in line
+    told = json.loads(done.out)
+    assert told["start"]["parameters"]["fingertip_angle_deg"] == pytest.approx(10)
+    assert told["start"]["moved"] is False
+    assert [f"pcjax: {note}" for note in told["notes"]] == [line]
+
+
+@pytest.mark.parametrize(
+    ("flags", "words"),
+    [
+        ("--fingertip-angle 1090", "--fingertip-angle is 1090 deg, more than a turn"),
+        ("--scenario arm --joint-angles 1.1 1.5", "--joint-angles: no joint is bent by 3 deg"),
+    ],
+)
+def test_a_slip_of_units_is_one_line_and_no_failure(
+    command: Command, tmp_path: Path, flags: str, words: str
+):
+    done = command(f"export {flags} --out hand.svg")
+    assert done.code == 0
+    (line,) = done.err.splitlines()
+    assert line.startswith(f"pcjax: {words}")
+    assert (tmp_path / "hand.svg").exists()
 
 
 # ------------------------------------------------------------------------- map, animate, export

@@ -16,12 +16,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pcjax.checks import InputWarning
+from pcjax.design.baselines import search_grid
 from pcjax.design.compare import compare
 from pcjax.design.optimize import Settings, Step, at_rest, optimize, starting_designs
 from pcjax.design.space import DesignSpace, design_space, nearest_within
 from pcjax.model.body import Circle
 from pcjax.model.drive import WristTilt
-from pcjax.model.hand import box_hand
+from pcjax.model.hand import HandDesign, box_hand
 from pcjax.quality.gradients import Gradient
 from pcjax.quality.surrogate import Surrogate, Task
 
@@ -189,6 +191,24 @@ def test_starts_are_spread_and_allowed() -> None:
     assert np.ptp(starts, axis=0)[0] > 30
 
 
+def test_a_base_hand_that_is_not_allowed_says_why() -> None:
+    """Bounds, limits, clearance, and fingers that a design makes alike; allowed hands say nothing,
+    those on an edge among them."""
+    free = {"fingertip_angle": (20.0, 30.0), "fingertip_length": (100.0, 150.0)}
+    space = design_space(BOX, free, 50.0, 130.0, ["fingertip_length <= 80"])
+    outside, limit, gap = space.objections()
+    assert outside == "its fingertip_angle is 10 deg, outside 20 to 30 deg"
+    assert limit == "it breaks the limit 'fingertip_length <= 80'"
+    assert gap == "its gap is 165.3, less than the object's 50 and the clearance of 130"
+    uneven = HandDesign(500.0, ((500.0, 150.0, 90.0),) * 2, ((1.5, 1.5, 1.2), (1.5, 1.5, 1.1)))
+    (told,) = design_space(uneven, ["joint_angle_3", "fingertip_length"], 50.0).objections()
+    assert told.startswith("its joint_angle_3 is 68.75 deg on finger 1 and 63.03 deg on finger 2")
+    assert not design_space(uneven, ["joint_angle_23", "gap_width"], 50.0).objections()
+    assert not design_space(
+        BOX, {"fingertip_angle": (10, 30)}, 50.0, limits=["fingertip_angle <= 10"]
+    ).objections()
+
+
 # ----------------------------------------------------------------------------------------- loop
 
 
@@ -272,6 +292,30 @@ def test_a_result_that_is_not_better_is_said_to_be_so() -> None:
     found = optimize(SURROGATE, tips(), QUICK, estimator=Bowl([10.0, 100.0]))
     assert found.improvement.low <= 0 <= found.improvement.high
     assert not found.better
+
+
+def test_the_result_is_compared_with_the_hand_given_though_the_search_begins_elsewhere() -> None:
+    space = design_space(BOX, {"fingertip_angle": (20.0, 30.0)}, 50.0)
+    with pytest.warns(InputWarning, match="10 deg, outside 20 to 30 deg.*begins at.* 20 deg") as w:
+        found = optimize(SURROGATE, space, QUICK, estimator=Bowl([25.0]))
+    assert [warning.filename for warning in w] == [__file__]
+    assert found.progress.history[0][0].design == pytest.approx([20.0])
+    assert (found.start_hand, found.moved, len(found.notes)) == (BOX, False, 1)
+    np.testing.assert_allclose(found.start, [10.0])
+    trials, seed = QUICK.accept_trials, QUICK.seed + 0x30000000  # those of the acceptance
+    same = compare(SURROGATE, space, [found.start, found.best], trials=trials, seed=seed)
+    assert found.start_score.value == pytest.approx(same.scores[0].value, rel=1e-6)
+    assert found.improvement.value == pytest.approx(same.improvement(0, 1).value, abs=1e-6)
+
+
+def test_a_hand_that_cannot_be_evaluated_is_compared_from_where_it_was_moved() -> None:
+    crossed = box_hand(math.radians(80), gap_width=150.0)
+    space = design_space(crossed, {"fingertip_angle": (-10.0, 10.0)}, 50.0)
+    with pytest.warns(InputWarning, match="cannot be evaluated.*crosses.*moved start"):
+        found = search_grid(SURROGATE, space, QUICK, [2])
+    assert found.moved
+    np.testing.assert_allclose(found.start, [10.0])
+    assert math.degrees(found.start_hand.angles[0][2]) == pytest.approx(80.0)
 
 
 def test_a_plateau_within_noise_stops_a_start() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import jax
 import numpy as np
@@ -10,9 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pcjax.checks import InputWarning
 from pcjax.engines.draws import start_draws, trial_key
 from pcjax.model.body import Circle
-from pcjax.model.hand import HandDesign, box_hand, full_cage
+from pcjax.model.hand import HandDesign, box_hand, full_cage, two_joint_hand
 from pcjax.model.scenario import check_geometry, does, eoen
 
 pytestmark = pytest.mark.usefixtures("x64")
@@ -141,6 +143,33 @@ def test_object_that_just_fits_is_no_full_cage() -> None:
 def test_bad_numbers_are_refused(make: object, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make()  # type: ignore[operator]
+
+
+RIGHT = math.pi / 2
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: box_hand(10), "fingertip_angle is 10"),
+        (lambda: two_joint_hand(65, 90), "theta_1 is 65, theta_2 is 90"),
+        (lambda: HandDesign(1.0, ((1.0,), (1.0,)), ((RIGHT,), (-90,))), "theta_21 is -90"),
+    ],
+)
+def test_degrees_in_place_of_radians_are_pointed_out_where_they_are_given(
+    make: Callable[[], HandDesign], words: str
+) -> None:
+    with pytest.warns(InputWarning, match=f"^{words}: angles are in radians") as caught:
+        hand = make()
+    assert [warning.filename for warning in caught] == [__file__]
+    # What the package derives from it is not pointed out again; pytest would fail.
+    hand.with_fingertips_turned()
+
+
+def test_angles_within_a_turn_and_traced_ones_pass() -> None:
+    turn = 2 * math.pi
+    HandDesign(1.0, ((1.0, 1.0), (1.0,)), ((turn, -turn), (np.float32(turn),)))
+    jax.jit(lambda angle: box_hand(angle).gap())(10.0)
 
 
 def test_limbs_on_one_line_that_do_not_meet_do_not_cross(x64: None) -> None:

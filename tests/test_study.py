@@ -10,6 +10,7 @@ import jax
 import numpy as np
 import pytest
 
+from pcjax.checks import InputWarning
 from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
@@ -75,6 +76,31 @@ def test_bad_study_files_are_refused(text: str, words: str, tmp_path: Path) -> N
     with pytest.raises(ValueError, match=words) as caught:
         load_study(path)
     assert "bad.toml" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            "[hand]\npalm_length = 1\nlengths = [[1], [1]]\nangles_deg = [[1.57], [1.2]]",
+            "[hand] angles_deg: no joint is bent by 3 deg or more; these look like radians",
+        ),
+        (
+            "[hand]\npreset = 'two-joint'\njoint_angles_deg = [1.1, 1.57]",
+            "[hand] joint_angles_deg: no joint is bent by 3 deg or more; these look like radians",
+        ),
+        ("[hand]\nfingertip_angle_deg = -400", "[hand] fingertip_angle_deg is -400 deg"),
+        ("[sweep]\nfingertip_angle_deg = [1, 1000]", "[sweep] fingertip_angle_deg is 1000 deg"),
+    ],
+)
+def test_angles_that_look_like_a_slip_of_units_are_pointed_out(
+    text: str, words: str, tmp_path: Path
+) -> None:
+    with pytest.warns(InputWarning) as caught:
+        read(text, tmp_path)
+    (warning,) = caught
+    assert str(warning.message).startswith(f"{tmp_path / 'study.toml'}: {words}")
+    assert warning.filename == __file__
 
 
 def test_everything_in_a_file_comes_back(tmp_path: Path) -> None:

@@ -187,6 +187,9 @@ def test_the_derivative_of_the_compiled_score_is_the_differences() -> None:
     np.testing.assert_allclose(slope, math.exp(told.value) * told.gradient, rtol=1e-3)
     forward = jax.jvp(lambda at: score(at, 5), (design,), (np.array([1.0, 2.0]),))[1]
     assert float(forward) == pytest.approx(float(slope @ np.array([1.0, 2.0])), rel=1e-4)
+    for second in (jax.hessian(score), jax.jacfwd(jax.jit(jax.grad(score)))):
+        with pytest.raises(NotImplementedError, match="no second derivatives"):
+            jax.eval_shape(second, jnp.asarray(design, float), 5)
 
 
 # ----------------------------------------------------------------------------------- estimators

@@ -6,10 +6,12 @@ import argparse
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import NoReturn
+from typing import Any, NoReturn
 
+from pcjax.checks import InputWarning
 from pcjax.cli.animate import add_animate
 from pcjax.cli.claims import add_claims
 from pcjax.cli.evaluate import add_evaluate
@@ -30,7 +32,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     arguments = _parse(sys.argv[1:] if argv is None else list(argv))
     use_compilation_cache()
     try:
-        with _told_to_end():
+        with _told_to_end(), warnings.catch_warnings():
+            warnings.simplefilter("always", InputWarning)
+            warnings.showwarning = _in_one_line(warnings.showwarning)
             arguments.run(arguments)
     except ValueError as error:
         fail(str(error))
@@ -57,6 +61,18 @@ def _told_to_end() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def _in_one_line(show: Callable[..., None]) -> Callable[..., None]:
+    """A way to show warnings: of input, as a line of the command's own; others as they were."""
+
+    def mine(message: Warning | str, category: type[Warning], *where: Any) -> None:
+        if issubclass(category, InputWarning):
+            print(f"pcjax: {message}", file=sys.stderr)
+        else:
+            show(message, category, *where)
+
+    return mine
 
 
 def _parse(argv: list[str]) -> argparse.Namespace:

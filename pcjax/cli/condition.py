@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
 from pcjax import paper
+from pcjax.checks import InputWarning, doubts_of_degrees
 from pcjax.cli.parts import number
 from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Circle, Stick
@@ -164,6 +166,14 @@ def condition(arguments: argparse.Namespace) -> Study:
     orientation = math.radians(_given(arguments.orientation, 0.0))
     law = ContactLaw(restitution=_given(arguments.restitution, paper.RESTITUTION))
     body = Stick(radius, orientation) if stick else Circle(radius)
+    given = {
+        "--fingertip-angle": [_given(arguments.fingertip_angle, 0.0)],
+        "--joint-angles": arguments.joint_angles or [],
+        "--orientation": [_given(arguments.orientation, 0.0)],
+    }
+    for flag, degrees in given.items():
+        for doubt in doubts_of_degrees(flag, degrees, joints=flag == "--joint-angles"):
+            warnings.warn(doubt, InputWarning, stacklevel=2)
     return _with_flags(Study(hand, body, drive, law), arguments)
 
 

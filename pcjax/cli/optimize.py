@@ -192,30 +192,33 @@ def as_json(found: Optimum, space: DesignSpace, seconds: float) -> dict[str, Any
         return {"parameters": space.named(design), "score": asdict(score)}
 
     return {
-        "start": side(found.start, found.start_score),
+        "start": side(found.start, found.start_score) | {"moved": found.moved},
         "best": side(found.best, found.best_score),
         "improvement": asdict(found.improvement),
         "iterations": found.progress.iteration,
         "trials": found.trials,
         "invalid": found.invalid,
         "wall_seconds": seconds,
+        "notes": list(found.notes),
     }
 
 
 def as_text(found: Optimum, space: DesignSpace, surrogate: Surrogate, seconds: float) -> str:
     """The result as a table and a verdict."""
     what = ("score " if len(surrogate.task.directions) == 2 else "") + score_name(surrogate)
-    lines = [f"{'':20}{'start':>12}{'best':>12}"]
+    start = "moved start" if found.moved else "start"
+    lines = [f"{'':20}{start:>12}{'best':>12}"]
     for p, a, b in zip(space.free, found.start, found.best, strict=True):
         unit = f" [{p.unit}]" if p.unit else ""
         lines.append(f"{p.name + unit:20}{a:>12.4g}{b:>12.4g}")
-    for title, score in (("start", found.start_score), ("best", found.best_score)):
+    for title, score in ((start, found.start_score), ("best", found.best_score)):
         lines.append(
             f"{what}, {title}: {score.value:,.4f} ± {score.se:.4f} "
             f"[{score.low:,.4f}, {score.high:,.4f}]"
         )
     gain = found.improvement
     verdict = "better" if found.better else "not better for certain"
+    verdict = "worse" if gain.high < 0 else verdict
     lines.append(
         f"improvement: {gain.value:,.4f} ± {gain.se:.4f} [{gain.low:,.4f}, {gain.high:,.4f}]: "
         f"{verdict} (exact, unseen trials, the same for both; 95 % interval)"

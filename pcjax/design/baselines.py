@@ -24,6 +24,7 @@ from pcjax.design.optimize import (
     Settings,
     Step,
     accept,
+    given_start,
     starting_designs,
 )
 from pcjax.design.space import DesignSpace
@@ -78,7 +79,8 @@ def search_grid(
     allowed = [design for design in designs if space.allowed(design)]
     if not allowed:
         raise ValueError("no design on the grid is allowed: take more points, or other bounds")
-    (start,) = starting_designs(space, 1, settings.seed)
+    (begun,) = starting_designs(space, 1, settings.seed)
+    start = given_start(surrogate, space, begun)
     began = time.perf_counter()
     scores, invalid = score_all(surrogate, space, allowed, seed=settings.seed, progress=progress)
     best = allowed[int(np.argmax([score.value for score in scores]))]
@@ -123,9 +125,10 @@ def search_cma(
     except ImportError:
         raise ValueError("CMA-ES needs the package cmaes: pip install 'pcjax[baselines]'") from None
     check_between("sigma", sigma, 1e-6, 100.0)
-    (start,) = starting_designs(space, 1, settings.seed)
+    (begun,) = starting_designs(space, 1, settings.seed)
+    start = given_start(surrogate, space, begun)
     search = CMA(
-        mean=start / space.scales,
+        mean=begun / space.scales,
         sigma=sigma,
         bounds=np.stack([space.low, space.high], axis=1) / space.scales[:, None],
         seed=settings.seed,
@@ -145,7 +148,7 @@ def search_cma(
             for generation in range(settings.iterations):
                 middle = list(map(float, search.mean * space.scales))
                 asked = [search.ask() for _ in range(search.population_size)]
-                designs = [space.nearest_allowed(x * space.scales, start) for x in asked]
+                designs = [space.nearest_allowed(x * space.scales, begun) for x in asked]
                 found = compare(
                     surrogate,
                     space,
@@ -165,6 +168,6 @@ def search_cma(
                     break
         except KeyboardInterrupt:
             interrupted = True
-    end: Design = space.nearest_allowed(search.mean * space.scales, start)
+    end: Design = space.nearest_allowed(search.mean * space.scales, begun)
     spent = Progress([history], [], [], trials, time.perf_counter() - began, invalid)
     return accept([end], spent, start, surrogate, space, settings, interrupted=interrupted)

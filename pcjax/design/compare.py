@@ -11,6 +11,7 @@ from jaxtyping import Float
 from tqdm import tqdm
 
 from pcjax.design.space import DesignSpace
+from pcjax.model.hand import HandDesign
 from pcjax.physics.step import PAPER_DT
 from pcjax.quality.indices import Estimate, extremes
 from pcjax.quality.surrogate import Sample, Surrogate
@@ -106,8 +107,16 @@ def compare(
         trials: for each design and direction.
         seed: trial i is the same experiment for every design.
     """
+    hands = [space.hand(design) for design in designs]
+    return compare_hands(surrogate, hands, trials=trials, seed=seed)
+
+
+def compare_hands(
+    surrogate: Surrogate, hands: Sequence[HandDesign], *, trials: int, seed: int
+) -> Comparison:
+    """`compare`, of hands that need not be designs of one space."""
     exact = replace(surrogate, form="exact", trials=trials)
-    sample = exact.sample([space.hand(design) for design in designs], seed)
+    sample = exact.sample(hands, seed)
     each, influences = exact.appraise(sample)
     logs, influence = each @ exact.signs, np.einsum("d,dvn->vn", exact.signs, influences)
     count = influence.shape[1]

@@ -11,6 +11,7 @@ import json
 import math
 import os
 import time
+import warnings
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field, replace
@@ -24,10 +25,12 @@ import optax
 from jaxtyping import Float
 from tqdm import tqdm
 
-from pcjax.checks import check_between, check_count
-from pcjax.design.compare import compare
+from pcjax.checks import InputWarning, check_between, check_count
+from pcjax.design.compare import compare, compare_hands
 from pcjax.design.space import DesignSpace
 from pcjax.files import digest, locked, read_plain
+from pcjax.model.hand import HandDesign
+from pcjax.model.scenario import check_geometry
 from pcjax.quality.gradients import Differences, Estimator, Gradient
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate
@@ -126,11 +129,31 @@ class Progress:
 
 
 @dataclass(frozen=True)
+class Start:
+    """What the result of a search is compared with.
+
+    Attributes:
+        hand: the given one, allowed or not; where it cannot be evaluated, the one that the search
+            begins at.
+        design: its parameters.
+        moved: whether it is the latter.
+        notes: what is wrong with the given hand, a line each.
+    """
+
+    hand: HandDesign
+    design: Design
+    moved: bool = False
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Optimum:
     """What an optimisation found.
 
     Attributes:
-        start, best: designs.
+        start: the given hand's design, even if it is not an allowed one; where that hand cannot be
+            evaluated, the design that the search began at.
+        best: the best design.
         start_score, best_score: exact, on trials that nothing else has used.
         improvement: of the exact score, from the same trials for both.
         candidates: where each start ended, and its exact score on the trials of the choice.
@@ -138,6 +161,9 @@ class Optimum:
         trials: simulated in all.
         invalid: how many of them went wrong, and were left out.
         interrupted: whether it was stopped before its end.
+        start_hand: the hand of `start`.
+        moved: whether `start` is not the given hand's.
+        notes: what is wrong with the given hand, a line each.
     """
 
     start: Design
@@ -150,6 +176,9 @@ class Optimum:
     trials: int
     invalid: int
     interrupted: bool
+    start_hand: HandDesign
+    moved: bool
+    notes: tuple[str, ...]
 
     @property
     def better(self) -> bool:
@@ -178,8 +207,11 @@ def optimize(
         progress: whether to show a bar on stderr.
 
     Returns:
-        The best design with its exact score, compared with the start. Ctrl-C ends the loop early
-        and keeps the best so far.
+        The best design with its exact score, compared with the given hand. Ctrl-C ends the loop
+        early and keeps the best so far.
+
+    Warns (`InputWarning`) if the given hand is not an allowed one; the search then begins at one
+    near it.
 
     Raises:
         ValueError: no allowed hand, or a checkpoint file that is damaged, of another optimisation,
@@ -200,6 +232,7 @@ def optimize(
     estimator = Differences() if estimator is None else estimator
     path = None if checkpoint is None else Path(checkpoint)
     starts = starting_designs(space, settings.starts, settings.seed)
+    start = given_start(surrogate, space, starts[0])
     # Shorter memory than usual: a few dozen iterations leave no time to swing back, nor to forget a
     # steep beginning.
     rule = optax.adam(_rate(settings), b1=0.6, b2=0.8)
@@ -238,7 +271,7 @@ def optimize(
         settled_design(space, steps, design)
         for steps, design in zip(state.history, state.designs, strict=True)
     ]
-    return accept(ends, state, starts[0], surrogate, space, settings, interrupted=interrupted)
+    return accept(ends, state, start, surrogate, space, settings, interrupted=interrupted)
 
 
 def _rate(settings: Settings) -> optax.Schedule:
@@ -269,6 +302,34 @@ def starting_designs(space: DesignSpace, count: int, seed: int) -> list[Design]:
     draws = qmc.Sobol(len(space.free), rng=seed).random_base2((count - 1).bit_length())
     spread = space.low + draws[: count - 1] * (space.high - space.low)
     return [first, *(space.nearest_allowed(design, first) for design in spread)]
+
+
+def given_start(surrogate: Surrogate, space: DesignSpace, begun: Design) -> Start:
+    """What a search that begins at `begun` is compared with: the base hand, if it can be evaluated.
+
+    Warns the caller of the function that calls this if that hand is not allowed.
+    """
+    where = f"the search begins at {space.describe(begun)}"
+    scenarios = surrogate.task.scenarios(space.base)
+    try:
+        for scenario in scenarios:
+            check_geometry(scenario)
+    except ValueError as error:
+        note = (
+            f"the given hand cannot be evaluated ({error}): {where}, and the result is compared "
+            "with that moved start"
+        )
+        start = Start(space.hand(begun), begun, True, (note,))
+    else:
+        wrong = "; ".join(space.objections())
+        note = (
+            f"the given hand is not an allowed one ({wrong}): {where}, and the result is compared "
+            "with the hand given"
+        )
+        start = Start(space.base, space.design_of(space.base), False, (note,) if wrong else ())
+    for note in start.notes:
+        warnings.warn(note, InputWarning, stacklevel=3)
+    return start
 
 
 def _iterate(
@@ -366,7 +427,7 @@ def settled_design(space: DesignSpace, steps: Sequence[Step], last: Sequence[flo
 def accept(
     ends: Sequence[Design],
     state: Progress,
-    start: Design,
+    start: Start,
     surrogate: Surrogate,
     space: DesignSpace,
     settings: Settings,
@@ -382,15 +443,14 @@ def accept(
         seed=settings.seed + _CHOICE,
     )
     best = ends[choice.best]
-    final = compare(
+    final = compare_hands(
         surrogate,
-        space,
-        [start, best],
+        [start.hand, space.hand(best)],
         trials=settings.accept_trials,
         seed=settings.seed + _ACCEPTANCE,
     )
     return Optimum(
-        start,
+        start.design,
         best,
         final.scores[0],
         final.scores[1],
@@ -400,6 +460,9 @@ def accept(
         state.trials + (len(ends) + 2) * settings.accept_trials * len(surrogate.task.directions),
         state.invalid + choice.invalid + final.invalid,
         interrupted,
+        start.hand,
+        start.moved,
+        start.notes,
     )
 
 

@@ -343,9 +343,46 @@ class DesignSpace:
 
     def spare(self, design: Float[np.ndarray, " parameters"]) -> tuple[float, bool]:
         """How much wider than object and clearance the gap is, and whether that is no hand."""
+        gap, wrong = self._shape(self.hand(design))
+        return gap - self.width - self.clearance, wrong
+
+    def _shape(self, hand: HandDesign) -> tuple[float, bool]:
+        """A hand's gap, and whether it is no hand in these directions."""
         with jax.enable_x64(True):
-            gap, good = jax.device_get(_gap_and_verdict(self.hand(design), self.directions))
-        return float(gap) - self.width - self.clearance, not good
+            gap, good = jax.device_get(_gap_and_verdict(hand, self.directions))
+        return float(gap), not good
+
+    def objections(self) -> list[str]:
+        """Why the base hand itself is not an allowed design, each in words; none if it is one.
+
+        Whether it is a hand at all is left to `pcjax.model.scenario.check_geometry`.
+        """
+        found, given = [], self.design_of(self.base)
+        for p, value, scale in zip(self.free, given, self.scales, strict=True):
+            unit = f" {p.unit}" if p.unit else ""
+            if not p.low - 1e-6 * scale <= value <= p.high + 1e-6 * scale:
+                found.append(
+                    f"its {p.name} is {value:.4g}{unit}, outside {p.low:g} to {p.high:g}{unit}"
+                )
+            each = [float(_KINDS[p.kind].read(self.base, i, p.joint)) for i in p.fingers]
+            if max(each) - min(each) > 1e-6 * scale:
+                found.append(
+                    f"its {p.name} is {each[0]:.4g}{unit} on finger 1 and {each[1]:.4g}{unit} on "
+                    "finger 2, and designs have it alike"
+                )
+        found += [
+            f"it breaks the limit {limit.text!r}"
+            for limit in self.limits
+            if limit.coefficients @ given
+            > limit.most + 1e-6 * np.abs(limit.coefficients) @ self.scales
+        ]
+        gap, wrong = self._shape(self.base)
+        if gap < self.least_gap(1.0) - 1e-6 * self.width and not wrong:
+            found.append(
+                f"its gap is {gap:.4g}, less than the object's {self.width:g} and the clearance of "
+                f"{self.clearance:g}"
+            )
+        return found
 
     def allowed(self, design: Float[np.ndarray, " parameters"]) -> bool:
         """Whether a design is within bounds and limits, has its clearance, and is a hand."""

@@ -262,7 +262,7 @@ def settle(
     kept = velocity - normal * velocity.dot(normal)
     other = where(second, normals[0], normals[1])
     into = stays[0] & stays[1] & (kept.dot(other) < -_noise(velocity))
-    velocity = where(carried & ~into, kept, velocity)
+    velocity = where(carried & jnp.logical_not(into), kept, velocity)
     still = Vec(0.0 * pull.x, 0.0 * pull.y)
     velocity = where(pinned, still, velocity)
     acceleration = where(pinned, still, acceleration)

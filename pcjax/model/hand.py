@@ -15,7 +15,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Float
 
-from pcjax.checks import check_finite, check_positive
+from pcjax.checks import check_finite, check_positive, check_radians
 from pcjax.planar import (
     Flag,
     Mirror,
@@ -116,6 +116,13 @@ class HandDesign(eqx.Module):
             for j, (length, angle) in enumerate(zip(ls, ts, strict=True), start=1):
                 check_positive(f"length L_{finger}{j}", length)
                 check_finite(f"joint angle theta_{finger}{j}", angle)
+        check_radians(
+            {
+                f"theta_{finger}{j}": angle
+                for finger, ts in enumerate(self.angles, start=1)
+                for j, angle in enumerate(ts, start=1)
+            }
+        )
 
     def limbs(self) -> tuple[Segment, ...]:
         """Forward kinematics: the palm (left to right), finger 1's limbs, finger 2's limbs."""
@@ -290,6 +297,7 @@ def box_hand(
     """
     check_positive("palm_length", palm_length)
     check_finite("fingertip_angle", fingertip_angle)
+    check_radians({"fingertip_angle": fingertip_angle})
     gap_width = 0.4 * palm_length if gap_width is None else gap_width
     fingertip_length = 0.2 * palm_length if fingertip_length is None else fingertip_length
     side_length = palm_length if side_length is None else side_length
@@ -331,7 +339,9 @@ def two_joint_hand(
     if len(lengths) != 2:
         raise ValueError(f"lengths has {len(lengths)} values: a finger has two limbs")
     finger, angles = (lengths[0], lengths[1]), (theta_1, theta_2)
-    return HandDesign(palm_length, (finger, finger), (angles, angles))
+    hand = HandDesign(palm_length, (finger, finger), (angles, angles))
+    check_radians({"theta_1": theta_1, "theta_2": theta_2})
+    return hand
 
 
 def points_of(hand: HandDesign) -> Float[np.ndarray, "points 2"]:

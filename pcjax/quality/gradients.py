@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any, NoReturn, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -212,7 +212,8 @@ def differentiable_score(
 
     Its derivative is the estimate of `Differences`, with the base hand's moves, by
     `jax.custom_jvp`, so `jax.grad` of it and any optimiser of optax just work. `optimize` is
-    faster: here the trials of a block wait for each other.
+    faster: here the trials of a block wait for each other. There are no second derivatives:
+    differentiating the derivative raises a NotImplementedError.
 
     Arguments:
         surrogate: of the form "horizon".
@@ -248,9 +249,8 @@ def differentiable_score(
     def score(design: Array, seed: Array) -> Scalar:
         return jnp.exp(log_score(design, seed))
 
-    @score.defjvp
-    def _(primals: tuple[Array, Array], tangents: tuple[Array, Any]) -> tuple[Scalar, Scalar]:
-        design, seed = primals
+    @jax.custom_jvp
+    def log_gradient(design: Array, seed: Array) -> Array:
         ways = jnp.asarray(np.concatenate([moves, -moves]))
         factors = 0.75 ** jnp.arange(17)
         gaps = jax.vmap(
@@ -261,9 +261,20 @@ def differentiable_score(
         reach = factors[jnp.argmax(gaps > space.least_gap(0.5))]
         logs = jax.lax.map(lambda way: log_score(design + reach * way, seed), ways)
         half = 0.5 * (logs[: len(moves)] - logs[len(moves) :])
-        gradient = jnp.linalg.pinv(jnp.asarray(moves)) @ half / reach
-        value = score(design, seed)
-        return value, value * jnp.dot(gradient, tangents[0])
+        return jnp.linalg.pinv(jnp.asarray(moves)) @ half / reach
+
+    @score.defjvp
+    def _(primals: tuple[Array, Array], tangents: tuple[Array, Any]) -> tuple[Scalar, Scalar]:
+        value = score(*primals)
+        return value, value * jnp.dot(log_gradient(*primals), tangents[0])
+
+    @log_gradient.defjvp
+    def _(primals: tuple[Array, Array], tangents: tuple[Array, Any]) -> NoReturn:
+        raise NotImplementedError(
+            "the score has no second derivatives, since its gradient is an estimate from "
+            "differences: optimise with first derivatives, or take differences of jax.grad over "
+            "moves of some degrees, with one seed"
+        )
 
     return lambda design, seed: score(jnp.asarray(design, float), jnp.asarray(seed, jnp.uint32))
 

@@ -45,12 +45,13 @@ def plot_optimum(data: tuple[Optimum, DesignSpace, Surrogate]) -> Figure:
 
 def draw_hands(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogate) -> None:
     """The limbs before (grey) and after, with the object at a start, to scale."""
-    for design, score, colour, name in (
-        (found.start, found.start_score, "0.6", "start"),
-        (found.best, found.best_score, COLOURS[0], "best"),
+    start = "moved start" if found.moved else "start"
+    for hand, score, colour, name in (
+        (found.start_hand, found.start_score, "0.6", start),
+        (space.hand(found.best), found.best_score, COLOURS[0], "best"),
     ):
         axis.plot(
-            *points_of(space.hand(design)).T,
+            *points_of(hand).T,
             color=colour,
             lw=2.2,
             solid_capstyle="round",

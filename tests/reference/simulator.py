@@ -326,7 +326,7 @@ def _step_with_contact(
             vy -= (1.0 + restitution) * normal * c.ny
             impacts += 1
             struck.update(other.limb for other in touching if _same_normal(c, other))
-        impacts += any(-STILL > vx * c.nx + vy * c.ny and c.limb not in held for c in touching)
+        impacts += any(vx * c.nx + vy * c.ny < -STILL and c.limb not in held for c in touching)
         vx, vy, _ = _to_cone(vx, vy, touching)
 
         # What holds the circle from here on, and the acceleration that it leaves.
