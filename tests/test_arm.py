@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from pcjax.engines.draws import period_draws, start_draws, trial_key
 from pcjax.engines.ensemble import LIMIT, run
 from pcjax.engines.stepping import Stepping, trajectory
 from pcjax.model.arm import Gesture, PlanarArm
@@ -20,6 +21,7 @@ from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, check_geometry, does, eoen
 from pcjax.physics.step import INVALID, State, at_rest, step
 from pcjax.planar import Vec
+from tests.reference import world
 
 pytestmark = pytest.mark.usefixtures("x64")
 
@@ -206,10 +208,54 @@ def test_goal_line_of_the_two_joint_hand() -> None:
     assert float(inwards.goal().a.y) == pytest.approx(float(inwards.finger(0)[-1].start.y))
 
 
-def test_eoen_is_refused_for_two_joints_and_defined_for_three() -> None:
-    with pytest.raises(ValueError, match="three limbs"):
-        eoen(two_joint_hand(), Circle(50.0), PlanarArm())
+def test_eoen_is_refused_for_one_limb_a_finger_and_defined_for_two() -> None:
+    with pytest.raises(ValueError, match="one limb a finger"):
+        eoen(HandDesign(200.0, ((200.0,),) * 2, ((1.5,),) * 2), Circle(50.0), PlanarArm())
+    check_geometry(eoen(two_joint_hand(), Circle(50.0), PlanarArm()))
     check_geometry(eoen(box_hand(), Circle(25.0), PlanarArm()))
+
+
+@pytest.mark.parametrize("angles", [(65.0, 90.0, 70.0, 100.0), (80.0, 60.0, 60.0, 95.0)])
+def test_entering_is_the_real_hand_seen_in_a_mirror(angles: tuple[float, ...]) -> None:
+    """Outside the hand itself, among its fingertips and the mirror image of its body, the same
+    object moves as the scenario says: an independent program with the real arm, 1e-6 over 3 s."""
+    a, b, c, d = map(math.radians, angles)
+    hand = HandDesign(200.0, ((200.0, 100.0), (190.0, 110.0)), ((a, b), (c, d)))
+    scenario = eoen(hand, Circle(30.0), PlanarArm())
+    seen = trajectory(scenario, trial=2, dt=0.001)
+    mirror = hand.tip_mirror()
+    limbs = []
+    for limb in scenario.hand.limbs():
+        start, end = mirror.point(limb.start), mirror.point(limb.end)
+        limbs.append([float(v) for v in (start.x, start.y, end.x, end.y)])
+    # The fingertips are the real ones.
+    for real, image in zip(
+        (hand.finger(0)[-1], hand.finger(1)[-1]), (limbs[2], limbs[4]), strict=True
+    ):
+        np.testing.assert_allclose([real.end.x, real.end.y], image[2:], atol=1e-9)
+    key = trial_key(0, 2)
+    start = mirror.point(scenario.start(start_draws(key, 3)))
+    low, high = np.array([-math.pi / 4, 0.0, 0.0]), np.array([math.pi / 4, math.pi / 2, 0.0])
+    drive = world.Arm(low + (high - low) * np.array([period_draws(key, 0, 3)]))
+    line = scenario.hand.goal()
+    ends = [mirror.point(end) for end in (line.b, line.a)]
+    other = world.simulate_circle(
+        limbs,
+        2,
+        (np.array([ends[0].x, ends[0].y], float), np.array([ends[1].x, ends[1].y], float)),
+        30.0,
+        0.1,
+        0.05,
+        (float(start.x), float(start.y)),
+        drive,
+        steps=3000,
+    )
+    images = [mirror.point(Vec(x, y)) for x, y in other["positions"]]
+    count = min(len(images), int(seen.steps[-1]))
+    assert count > 500
+    mine = np.stack([seen.position.x, seen.position.y], axis=-1)[:count]
+    theirs = np.array([[p.x, p.y] for p in images[:count]], float)
+    assert np.abs(mine - theirs).max() < 1e-5
 
 
 @pytest.mark.parametrize(
