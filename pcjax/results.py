@@ -424,7 +424,7 @@ class Evaluation:
             if counts["limit"] == n and not caged:
                 notes.append(
                     f"{name}: nobody passed within {self.max_steps:,} steps, so index 1 is the "
-                    "limit itself and its interval says what so many trials exclude; a higher limit "
+                    "limit itself, and its interval says what the trials exclude; a higher limit "
                     "tells more"
                 )
             if counts["passed"] == n:
