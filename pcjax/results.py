@@ -435,7 +435,8 @@ class Evaluation:
             if counts["limit"] == n and not caged:
                 notes.append(
                     f"{name}: nobody passed within {self.max_steps:,} steps, so index 1 is the "
-                    "limit itself; a higher limit tells more"
+                    "limit itself, and its interval says what the trials exclude; a higher limit "
+                    "tells more"
                 )
             if counts["passed"] == n:
                 notes.append(f"{name}: everybody passed, so index 2 is 0")

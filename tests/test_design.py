@@ -24,7 +24,9 @@ from pcjax.design.space import DesignSpace, design_space, nearest_within
 from pcjax.model.body import Circle
 from pcjax.model.drive import WristTilt
 from pcjax.model.hand import HandDesign, box_hand
+from pcjax.physics.step import PAPER_DT
 from pcjax.quality.gradients import Gradient
+from pcjax.quality.indices import ratio
 from pcjax.quality.surrogate import Surrogate, Task
 
 BOX = box_hand(math.radians(10))
@@ -339,3 +341,21 @@ def test_comparisons_are_paired() -> None:
     assert 0 < found.improvement(0, 1).se < 0.7 * apart
     same = compare(SURROGATE, tips(), [designs[0]] * 2, trials=200, seed=1).improvement(0, 1)
     assert (same.value, same.se) == (0.0, 0.0)
+    # Equal outcomes of 200 trials do not make two hands equal.
+    assert same.low < 0 < same.high
+
+
+def test_comparisons_have_the_intervals_of_the_score() -> None:
+    # In 20 trials of 20 s hardly any escapes, which leaves room for many that do.
+    designs = [np.array([10.0, 100.0]), np.array([30.0, 100.0])]
+    found = compare(SURROGATE, tips(), designs, trials=20, seed=1)
+    for score, hand in zip(found.scores, found.sample.values, strict=True):
+        does, eoen = hand[:, 0, found.sample.valid]
+        expected = ratio(does, eoen, TASK.max_steps * PAPER_DT)
+        assert (score.low, score.high) == pytest.approx((expected.low, expected.high), rel=1e-6)
+        assert score.low < score.value - 5 * score.se
+    gain = found.improvement(0, 1)
+    assert gain.low < gain.value < gain.high
+    # The difference lies between the extremes of both.
+    assert gain.low > found.scores[1].low - found.scores[0].high
+    assert gain.high < found.scores[1].high - found.scores[0].low

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 
 import numpy as np
@@ -21,6 +22,7 @@ from pcjax.quality.indices import (
     ratio,
     survival_curve,
 )
+from tests.shown import ROOT
 
 
 def sampled(name: str) -> tuple[np.ndarray, np.ndarray, int]:
@@ -326,6 +328,15 @@ def test_score_interval_covers_the_truth_in_95_of_100_runs():
     assert sum(e.low <= truth <= e.high for e in estimates) >= fewest_covering(500)
     wider = [math.log(e.high / e.low) / (2 * 1.96 * e.se / e.value) for e in estimates]
     assert 1.0 < np.mean(wider) < 1.2
+
+
+def test_kept_table_has_no_interval_that_fails():
+    with (ROOT / "experiments" / "results" / "coverage.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len({(row["pool"], row["estimate"], row["trials"]) for row in rows}) == 4 * 6 * 3
+    for row in rows:
+        assert float(row["given_percent"]) == 100 or row["estimate"] == "score, index 2"
+        assert float(row["coverage_percent"]) >= 93
 
 
 def test_score_does_not_depend_on_the_unit_of_time():

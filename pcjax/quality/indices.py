@@ -32,7 +32,7 @@ class Estimate:
         >>> from pcjax.quality.indices import index2
         >>> share = index2(np.array([True, False, False, False]))
         >>> print(f"{share.value} [{share.low:.2f}, {share.high:.2f}]")
-        0.25 [0.05, 0.70]
+        0.25 [0.01, 0.81]
     """
 
     value: float
