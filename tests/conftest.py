@@ -1,14 +1,37 @@
-"""Shared by all tests: nothing kept in the user's folders, 64-bit arithmetic where it is asked."""
+"""Shared by all tests: one folder of compiled programs for the session, nothing kept in the user's
+folders, 64-bit arithmetic where it is asked."""
 
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Iterator
 
 import jax
 import pytest
 
-os.environ["PCJAX_CACHE"] = "off"
+from pcjax.compilation_cache import VARIABLE, use_compilation_cache
+
+_PROGRAMS = None
+if "PYTEST_XDIST_WORKER" not in os.environ:
+    # Workers, and the commands that tests run, inherit the variable.
+    _PROGRAMS = tempfile.TemporaryDirectory(prefix="pcjax-tests-")
+    os.environ[VARIABLE] = _PROGRAMS.name
+use_compilation_cache()
+
+
+def pytest_unconfigure() -> None:
+    """Workers have ended by now."""
+    if _PROGRAMS is not None:
+        _PROGRAMS.cleanup()
+
+
+@pytest.fixture
+def programs_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Has processes that use the library, not the command, share the session's programs as well."""
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", os.environ[VARIABLE])
+    monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+    monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
 
 
 @pytest.fixture

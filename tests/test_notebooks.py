@@ -15,6 +15,7 @@ def test_notebooks_are_there():
     assert [path.stem for path in NOTEBOOKS] == ["fig12", "optimise_fingertip", "quickstart"]
 
 
+@pytest.mark.usefixtures("programs_for_all")
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_runs_from_top_to_bottom(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

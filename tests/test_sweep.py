@@ -293,6 +293,7 @@ def test_a_huge_sweep_is_refused_at_once() -> None:
 # --------------------------------------------------------------------------------- a cluster
 
 
+@pytest.mark.usefixtures("programs_for_all")
 def test_a_cluster_gives_the_same_file_though_a_worker_dies(whole: Path, tmp_path: Path) -> None:
     """In a process of its own: the cluster's threads and warnings are not this suite's."""
     code = f"""
