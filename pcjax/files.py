@@ -22,8 +22,8 @@ def read_plain(path: Path) -> bytes:
     try:
         if path.is_file():
             return path.read_bytes()
-        what = "is a folder" if path.is_dir() else "is no plain file"
-        what = what if path.exists() else "does not exist"
+        what = "it is a folder" if path.is_dir() else "it is no plain file"
+        what = f"cannot be read: {what}" if path.exists() else "does not exist"
     except (OSError, MemoryError) as error:
         what = f"cannot be read: {getattr(error, 'strerror', None) or 'it is too large'}"
     raise ValueError(f"{path} {what}")
