@@ -19,7 +19,13 @@ from pcjax.model.body import Body, Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import Drive, WristTilt
 from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
-from pcjax.model.scenario import DIRECTIONS, Scenario, check_geometry, default_direction
+from pcjax.model.scenario import (
+    DIRECTIONS,
+    Scenario,
+    check_geometry,
+    default_direction,
+    why_no_eoen,
+)
 from pcjax.physics.step import INVALID, PAPER_DT
 from pcjax.results import WATCHED, Evaluation, parameters, provenance
 
@@ -86,8 +92,9 @@ def evaluate(
         hand = box_hand() if wrist else two_joint_hand()
     if body is None:
         body = Circle(0.05 * hand.palm_length if wrist else paper.ARM_RADIUS)
+    missing = ""
     if direction is None:
-        direction = default_direction(hand, drive)
+        direction, missing = default_direction(hand, drive), why_no_eoen(hand)
     max_steps = default_max_steps(body, drive) if max_steps is None else max_steps
     if direction not in (*DIRECTIONS, "both"):
         raise ValueError(f"direction is {direction!r}: it has to be 'does', 'eoen' or 'both'")
@@ -116,6 +123,7 @@ def evaluate(
         "dt": np.fmin.reduce([engine.step_taken(period) for engine in chosen]),
         "precision": precision,
         "wall_seconds": time.perf_counter() - began,
+        **({"no_eoen": missing} if missing else {}),
     }
     return Evaluation.from_outcomes(scenarios, outcomes, settings)
 

@@ -418,6 +418,10 @@ class Evaluation:
     def notes(self) -> list[str]:
         """What one should know before using the numbers; empty if all is well."""
         notes = []
+        if "no_eoen" in self.dataset.attrs:
+            notes.append(f"EoEn, and so the score, is not given: {self.dataset.attrs['no_eoen']}")
+        steps = bool(np.isfinite(self.dataset.attrs["dt"]))
+        cure = "a smaller dt mends it" if steps else "precision 64 or engine 'stepping' may mend it"
         for direction in self.directions:
             name, counts, n = NAMES[direction], self.status(direction), self.trials
             caged = self._caged(direction)
@@ -430,7 +434,7 @@ class Evaluation:
             if counts["invalid"]:
                 notes.append(
                     f"{name}: {counts['invalid']} of {n} trials went wrong (a limb stepped over, "
-                    "or not a number) and are left out of the indices; a smaller dt mends it"
+                    f"or not a number) and are left out of the indices; {cure}"
                 )
             if counts["limit"] == n and not caged:
                 notes.append(

@@ -346,7 +346,9 @@ def eoen(
     """
     problem = why_no_eoen(hand)
     if problem:
-        raise ValueError(f"EoEn is not defined for this hand: {problem}")
+        raise ValueError(
+            f"EoEn is not defined for this hand: {problem}; evaluate with direction 'does'"
+        )
     drive = WristTilt() if drive is None else drive
     mirror = hand.tip_mirror()
     own = getattr(drive, "mirrored", None)
@@ -357,22 +359,18 @@ def eoen(
 def why_no_eoen(hand: HandDesign) -> str:
     """Why ease of entering is not defined for a hand; "" where it is, or its numbers are traced."""
     if min(len(lengths) for lengths in hand.lengths) < 2:
-        return (
-            "with one limb a finger nothing but the palm is left to confine an object outside; "
-            "evaluate with direction 'does'"
-        )
+        return "with one limb a finger only the palm is left to confine an object outside"
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(hand)):
         return ""
     with jax.enable_x64(True):
         gap, mirrored, crossings = jax.device_get(_seen_from_outside(hand))
     for (a, b), crossed in crossings.items():
         if crossed:
-            return f"seen from outside {b} crosses {a}; evaluate with direction 'does'"
+            return f"seen from outside {b} crosses {a}"
     if not same_gap(gap, mirrored):
         return (
             f"a fingertip is {min(gap, mirrored):.4g} from another limb than the other fingertip, "
-            f"so that the gap is {gap:.4g} for escaping and would be {mirrored:.4g} for entering; "
-            "evaluate with direction 'does'"
+            f"so that the gap is {gap:.4g} for escaping and would be {mirrored:.4g} for entering"
         )
     return ""
 
