@@ -163,7 +163,7 @@ def test_degrees_in_place_of_radians_are_pointed_out_where_they_are_given(
         hand = make()
     assert [warning.filename for warning in caught] == [__file__]
     # What the package derives from it is not pointed out again; pytest would fail.
-    hand.with_fingertips_turned()
+    hand.with_fingertips_mirrored()
 
 
 def test_angles_within_a_turn_and_traced_ones_pass() -> None:

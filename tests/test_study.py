@@ -186,7 +186,11 @@ def test_a_swept_number_is_that_number(name: str, value: float, read_back) -> No
         ("[run]\ntrials = 1", r"\[run\] trials is 1"),
         ('[run]\nengine = "fast"', "auto or event or stepping"),
         ("[run]\nprecision_target = 0", r"\[run\] precision_target"),
-        ('[drive]\nkind = "arm"\n[run]\ndirection = "both"', "EoEn needs a hand"),
+        (
+            "[hand]\npalm_length = 500\nlengths = [[400], [400]]\nangles_deg = [[90], [90]]\n"
+            "[run]\ndirection = 'both'",
+            "EoEn is not defined for this hand: with one limb a finger",
+        ),
         ("[sweep]", "empty"),
         ("[sweep]\nfingertip_angle = [1]", "did you mean fingertip_angle_deg"),
         ("[sweep]\nraduis = [1]", "did you mean radius"),
