@@ -23,7 +23,7 @@ from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
-from pcjax.model.hand import box_hand, two_joint_hand
+from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.step import INVALID
 from pcjax.quality.gradients import Differences, Gradient, Mixture, Pathwise, differentiable_score
@@ -113,9 +113,14 @@ def held_by(scenario: Scenario, trials: int, periods: int, layer: float, dt: flo
     return jnp.mean(roll(engine, stacked, jnp.uint32(3), periods, lanes).held)
 
 
+OPEN = HandDesign(
+    WIDE.palm_length, WIDE.lengths, ((1.56, *WIDE.angles[0][1:]), (1.56, *WIDE.angles[1][1:]))
+)
+"""`WIDE` with sides that lean out a little: where they begin to lean in, the starts have a kink."""
+
 SMOOTH = {
-    "wrist, circle": (does(WIDE, Circle(25.0), law=ContactLaw(smoothing=5.0)), 32, 2),
-    "wrist, circle, EoEn": (eoen(WIDE, Circle(25.0), law=ContactLaw(smoothing=5.0)), 32, 2),
+    "wrist, circle": (does(OPEN, Circle(25.0), law=ContactLaw(smoothing=5.0)), 32, 2),
+    "wrist, circle, EoEn": (eoen(OPEN, Circle(25.0), law=ContactLaw(smoothing=5.0)), 32, 2),
     "arm, circle": (
         does(two_joint_hand(), Circle(50.0), PlanarArm(), ContactLaw(smoothing=10.0)),
         8,

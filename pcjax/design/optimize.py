@@ -310,9 +310,8 @@ def given_start(surrogate: Surrogate, space: DesignSpace, begun: Design) -> Star
     Warns the caller of the function that calls this if that hand is not allowed.
     """
     where = f"the search begins at {space.describe(begun)}"
-    scenarios = surrogate.task.scenarios(space.base)
     try:
-        for scenario in scenarios:
+        for scenario in surrogate.task.scenarios(space.base):
             check_geometry(scenario)
     except ValueError as error:
         note = (

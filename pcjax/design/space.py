@@ -349,7 +349,8 @@ class DesignSpace:
     def _shape(self, hand: HandDesign) -> tuple[float, bool]:
         """A hand's gap, and whether it is no hand in these directions."""
         with jax.enable_x64(True):
-            gap, good = jax.device_get(_gap_and_verdict(hand, self.directions))
+            exact = jax.tree.map(float, hand)
+            gap, good = jax.device_get(_gap_and_verdict(exact, self.directions))
         return float(gap), not good
 
     def objections(self) -> list[str]:

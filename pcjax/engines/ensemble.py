@@ -318,7 +318,7 @@ class _Ledger:
         all_over = (lanes.period >= self.last_period) & (lanes.time >= self._period)
         out_of_time = (lanes.status == RUNNING) & all_over
         lanes.status[ran & (late | out_of_time)] = LIMIT
-        self._look_after(lanes, np.flatnonzero(ran & (lanes.status == LIMIT)))
+        self._look_after(lanes, np.flatnonzero(ran & out_of_time))
         ended = np.flatnonzero(ran & (lanes.status != RUNNING))
         where_to = lanes.condition[ended], lanes.trial[ended] - self._first
         with self._lock:

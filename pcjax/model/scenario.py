@@ -273,7 +273,7 @@ def check_geometry(scenario: Scenario) -> float:
 
 def _concrete(scenario: Scenario) -> _Geometry:
     with jax.enable_x64(True):
-        return jax.device_get(_geometry(scenario))
+        return jax.device_get(_geometry(jax.tree.map(float, scenario)))
 
 
 def _advice(scenario: Scenario) -> str:
@@ -363,7 +363,7 @@ def why_no_eoen(hand: HandDesign) -> str:
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(hand)):
         return ""
     with jax.enable_x64(True):
-        gap, mirrored, crossings = jax.device_get(_seen_from_outside(hand))
+        gap, mirrored, crossings = jax.device_get(_seen_from_outside(jax.tree.map(float, hand)))
     for (a, b), crossed in crossings.items():
         if crossed:
             return f"seen from outside {b} crosses {a}"
