@@ -47,7 +47,7 @@ FINER = 0.3
 SHAPES = ("box", "flared", "leaning", "tapered", "acute", "collinear", "curled", "any")
 
 STRAY = 1e-3
-"""How far, in radii, an end may lie beyond where it has to be."""
+"""How far beside the goal line, in radii, a trial may pass by rounding."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ class Verdict:
     Attributes:
         index1: by the event-driven engine in 64 bits, steps.
         invalid: trials that went wrong, by any engine.
-        stray: the farthest that an end lies from where it has to be, radii.
+        stray: the farthest that a trial passed beside the goal line, past its ends, radii.
         z: the largest of the paired differences of index 1 between engines, in standard errors.
         same: share of trials that end in the same step, +-2, in both engines (64 bits).
         growth: the largest growth of energy in a leap, as a share of what there is.
@@ -214,7 +214,7 @@ def paired_z(a: Float[np.ndarray, " trials"], b: Float[np.ndarray, " trials"]) -
 
 
 def farthest_stray(scenario: Scenario, out: Outcomes, row: int) -> float:
-    """How far any trial that passed ended from the goal line, in radii beyond a step's way."""
+    """How far beside the goal line, past its ends, any trial that passed did so, in radii."""
     assert out.final is not None
     passed = out.status[row] == PASSED
     if not passed.any():
