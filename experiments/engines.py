@@ -3,7 +3,8 @@
 The reference is stepping at dt = 0.001 s in float64 on the same draws, so biases are paired. Cost
 is the time of one core, which other work on the machine changes little.
 Keeps `results/engines.csv` and draws `results/engines.png` for the group "wrist" (circles), and
-`results/engines_arm.csv` and `.png` for the group "arm" (circles on the arm, and sticks).
+`results/engines_arm.csv` and `.png` for the group "arm" (circles on the arm, and sticks), and
+`results/engines_odd.csv` and `.png` for the group "odd" (acute corners, lopsided hands).
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
-from pcjax.model.hand import box_hand, two_joint_hand
+from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.step import INVALID
 
@@ -45,11 +46,13 @@ class Part:
     Attributes:
         conditions: makes the named conditions.
         trials, max_steps: of each.
+        event: whether the event-driven engine applies.
     """
 
     conditions: Callable[[], dict[str, Scenario]]
     trials: int
     max_steps: int
+    event: bool = False
 
 
 @dataclass(frozen=True)
@@ -59,21 +62,19 @@ class Group:
     Attributes:
         parts: by name; a row of the picture for each.
         steps: the steps of the stepping engine, s; the reference's own comes first.
-        event: whether the event-driven engine applies.
         reach: of the picture's axis of biases, percent.
         stem: of the names of the files.
     """
 
     parts: Mapping[str, Part]
     steps: tuple[float, ...]
-    event: bool
     reach: float
     stem: str
 
-    def engines(self) -> dict[str, Engine]:
+    def engines(self, part: Part) -> dict[str, Engine]:
         """The engines by name, the reference first."""
         stepping = {f"dt = {dt:g}": Stepping(dt) for dt in self.steps}
-        return {**stepping, "event": EventDriven()} if self.event else dict(stepping)
+        return {**stepping, "event": EventDriven()} if part.event else dict(stepping)
 
 
 def wrist_circles() -> dict[str, Scenario]:
@@ -125,11 +126,60 @@ def wrist_sticks() -> dict[str, Scenario]:
     return {"10 deg, stick of half length 25": does(box_hand(math.radians(10)), Stick(25.0))}
 
 
+def leaning_limbs() -> dict[str, Scenario]:
+    """One limb a finger, leaning inwards: two acute corners at the palm."""
+
+    def make(one: float, two: float, radius: float, e: float, g: float = 9.8) -> Scenario:
+        angles = ((math.radians(one),), (math.radians(two),))
+        hand = HandDesign(500.0, ((450.0,), (450.0,)), angles)
+        return does(hand, Circle(radius), WristTilt(gravity=g), ContactLaw(restitution=e))
+
+    return {
+        "103 and 108 deg, r = 60, e = 0.64": make(103, 108, 60, 0.64),
+        "103 and 108 deg, r = 60, e = 1, g = 98": make(103, 108, 60, 1.0, 98),
+        "100 and 100 deg, r = 90, e = 0.9": make(100, 100, 90, 0.9),
+        "112 and 95 deg, r = 40, e = 0.3": make(112, 95, 40, 0.3),
+        "95 and 110 deg, r = 60, e = 0.5, g = 98": make(95, 110, 60, 0.5, 98),
+        "110 and 80 deg, r = 30, e = 1": make(110, 80, 30, 1.0),
+    }
+
+
+def acute_tips() -> dict[str, Scenario]:
+    """Fingertips folded back over their limbs, and one beside an inward-leaning limb."""
+
+    def make(
+        limb: float, tip: float, radius: float, e: float, g: float = 9.8, length: float = 130.0
+    ) -> Scenario:
+        angles = (math.radians(limb), math.radians(tip))
+        hand = HandDesign(500.0, ((350.0, length), (350.0, length)), (angles, angles))
+        return does(hand, Circle(radius), WristTilt(gravity=g), ContactLaw(restitution=e))
+
+    return {
+        "tips at 130 deg, r = 20, e = 0.64": make(90, 130, 20, 0.64),
+        "tips at 150 deg, r = 12, e = 1": make(90, 150, 12, 1.0),
+        "tips at 110 deg on limbs at 100, r = 50, e = 0.8": make(100, 110, 50, 0.8, length=90),
+        "tips at 120 deg, r = 30, e = 0.9, g = 98": make(90, 120, 30, 0.9, 98),
+    }
+
+
+def lopsided_arms() -> dict[str, Scenario]:
+    """First joints that differ, on the arm."""
+
+    def make(one: float, two: float, tips: float) -> Scenario:
+        angles = tuple((math.radians(first), math.radians(tips)) for first in (one, two))
+        hand = HandDesign(200.0, ((200.0, 100.0), (200.0, 100.0)), (angles[0], angles[1]))
+        return does(hand, Circle(50.0), PlanarArm())
+
+    return {
+        f"first joints {one} and {two} deg, second {tips}": make(one, two, tips)
+        for one, two, tips in ((70, 60, 90), (60, 70, 90), (70, 60, 110))
+    }
+
+
 GROUPS = {
     "wrist": Group(
-        {"circle on the wrist": Part(wrist_circles, 1500, 200_000)},
+        {"circle on the wrist": Part(wrist_circles, 1500, 200_000, event=True)},
         (0.001, 0.005, 0.01, 0.02, 0.05),
-        event=True,
         reach=1.0,
         stem="engines",
     ),
@@ -140,9 +190,18 @@ GROUPS = {
             "stick on the wrist": Part(wrist_sticks, 64, 60_000),
         },
         (0.001, 0.005, 0.01, 0.02, 0.04),
-        event=False,
         reach=3.0,
         stem="engines_arm",
+    ),
+    "odd": Group(
+        {
+            "leaning limbs": Part(leaning_limbs, 3000, 60_000, event=True),
+            "acute tips": Part(acute_tips, 3000, 60_000, event=True),
+            "lopsided hands on the arm": Part(lopsided_arms, 3000, 300_000),
+        },
+        (0.001, 0.005, 0.01, 0.02),
+        reach=1.5,
+        stem="engines_odd",
     ),
 }
 
@@ -159,7 +218,7 @@ def main() -> None:
         trials = arguments.trials or part.trials
         max_steps = arguments.max_steps or part.max_steps
         print(f"{name}: {trials:,} trials to {max_steps:,} steps", flush=True)
-        measured[name] = measure(part.conditions(), group.engines(), trials, max_steps)
+        measured[name] = measure(part.conditions(), group.engines(part), trials, max_steps)
         keep(measured, group)  # also of a run that is cut short
 
 

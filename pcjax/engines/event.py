@@ -334,17 +334,27 @@ def _until_limb(world: World, limb: Segment, support: Support) -> Scalar:
     gap = jnp.maximum(distance - world.body.radius, 0.0)
     speed, change = support.velocity.dot(normal), support.acceleration.dot(normal)
     touches = (gap <= near) & (speed > -slow)
-    # One that opens falls back to where it was. For one that does neither, a floor keeps rounding
-    # from ending the leap where it starts.
-    gap = jnp.where(touches, jnp.where(speed > slow, 0.0, jnp.maximum(gap, near / 64)), gap)
+    # One that opens falls back to where it was. For one that does neither, and for one that closes
+    # and is none of the two settled, a floor keeps the leap from ending where it starts.
+    floor = jnp.where(touches, near / 64, near / 4)
+    gap = jnp.where(touches & (speed > slow), 0.0, jnp.maximum(gap, floor))
     speed = jnp.where(touches, jnp.maximum(speed, 0.0), speed)
     change = jnp.where(touches & (change > -slow), jnp.maximum(change, 0.0), change)
     surface = support.position - support.normal * world.body.radius
     height = support.normal.dot(limb.start - surface)
     height = jnp.maximum(height, height + support.normal.dot(limb.tangent) * limb.length)
     behind = support.touches & ~support.rolls & (height <= near)
+    # The end rolled over is in the way again where the limb's flat side begins.
     rolled_over = support.rolls & touches & (normal.dot(support.normal) > 0.99)
-    return jnp.where(behind | rolled_over, NEVER, first_root(gap, speed, change))
+    to_start = -(support.position - limb.start).dot(limb.tangent)
+    to_end = -to_start - limb.length
+    before = jnp.where(to_start > 0, 1.0, -1.0)
+    to_side = jnp.maximum(to_start, to_end)
+    gap = jnp.where(rolled_over, jnp.maximum(to_side, 0.0) + near, gap)
+    speed = jnp.where(rolled_over, -before * support.velocity.dot(limb.tangent), speed)
+    change = jnp.where(rolled_over, -before * support.acceleration.dot(limb.tangent), change)
+    on_side = rolled_over & (to_side <= 0)
+    return jnp.where(behind | on_side, NEVER, first_root(gap, speed, change))
 
 
 def _move(support: Support, radius: Scalar, pull: Vec, time: Scalar) -> tuple[Vec, Vec]:
