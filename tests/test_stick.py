@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pcjax.checks import InputWarning
 from pcjax.engines.draws import start_draws, trial_key
 from pcjax.engines.ensemble import run
 from pcjax.engines.stepping import Stepping, trajectory
@@ -335,3 +336,8 @@ def test_index_1_of_the_papers_stick_and_no_invalid_trials() -> None:
 def test_bad_sticks_are_refused(make, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_an_orientation_in_degrees_is_pointed_out() -> None:
+    with pytest.warns(InputWarning, match="^orientation is 45: angles are in radians"):
+        Stick(50.0, 45.0)

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import equinox as eqx
 
-from pcjax.checks import check_finite, check_positive
+from pcjax.checks import check_finite, check_positive, check_radians
 from pcjax.planar import Scalar
 
 
@@ -103,6 +103,7 @@ class Stick(eqx.Module):
     def __init__(self, half_length: Scalar, orientation: Scalar = 0.0, mass: Scalar = 1.0):
         check_positive("half_length", half_length)
         check_finite("orientation", orientation)
+        check_radians({"orientation": orientation})
         check_positive("mass", mass)
         self.half_length = half_length
         self.orientation = orientation
