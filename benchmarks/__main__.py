@@ -26,7 +26,7 @@ from pcjax import paper
 from pcjax.engines.choice import choose_engine
 from pcjax.evaluate import evaluate_grid
 from pcjax.model.body import Circle
-from pcjax.model.hand import box_hand
+from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
 
 SAMPLE = ((0.01, -20.0), (0.05, 10.0), (0.1, 40.0))

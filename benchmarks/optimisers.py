@@ -20,7 +20,7 @@ from pcjax.design.optimize import Optimum, Settings, optimize
 from pcjax.design.space import DesignSpace, design_space
 from pcjax.model.body import Circle
 from pcjax.model.drive import WristTilt
-from pcjax.model.hand import box_hand
+from pcjax.model.presets import box_hand
 from pcjax.quality.gradients import Differences
 from pcjax.quality.surrogate import Surrogate, Task
 

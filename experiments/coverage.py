@@ -26,7 +26,7 @@ from tqdm import tqdm
 from pcjax.engines.choice import choose_engine
 from pcjax.engines.ensemble import LIMIT, run
 from pcjax.model.body import Circle
-from pcjax.model.hand import box_hand
+from pcjax.model.presets import box_hand
 from pcjax.model.scenario import DIRECTIONS
 from pcjax.quality.indices import Estimate, mean, ratio
 

@@ -30,7 +30,8 @@ from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
-from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
+from pcjax.model.hand import HandDesign
+from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.step import INVALID
 
@@ -281,7 +282,8 @@ def measure(
 def draw(measured: Mapping[str, list[dict]], reach: float) -> Figure:
     """Bias with 95 % intervals over cost: a row for each part, a panel for each precision, a colour
     for each condition."""
-    figure = Figure(figsize=(12, 0.8 + 4.8 * len(measured)), layout="constrained")
+    figure = Figure(figsize=(12, 1.0 + 4.8 * len(measured)), layout="constrained")
+    figure.suptitle("left out: where more than 0.1 % of the trials were invalid", fontsize=10)
     grid = figure.subplots(len(measured), 2, sharey=True, squeeze=False)
     for axes, (part, rows) in zip(grid, measured.items(), strict=True):
         names = list(dict.fromkeys(row["condition"] for row in rows))
@@ -309,7 +311,7 @@ def draw(measured: Mapping[str, list[dict]], reach: float) -> Figure:
             axis.set(
                 xscale="log",
                 xlabel="cost per trial [us of one core]",
-                title=f"{part}, float{bits}; more than 0.1 % invalid: left out",
+                title=f"{part}, float{bits}",
                 ylim=(-reach, reach),
             )
             axis.margins(x=0.08)

@@ -25,7 +25,7 @@ from pcjax.design.space import DesignSpace, design_space
 from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Circle
 from pcjax.model.drive import WristTilt
-from pcjax.model.hand import box_hand, two_joint_hand
+from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.quality.gradients import Differences, Estimator, Gradient, Pathwise, mixed
 from pcjax.quality.surrogate import Surrogate, Task
 

@@ -20,7 +20,8 @@ from pcjax.engines.ensemble import run
 from pcjax.model.body import Circle
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
-from pcjax.model.hand import HandDesign, box_hand
+from pcjax.model.hand import HandDesign
+from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, check_geometry, does, eoen
 from pcjax.physics.step import INVALID, PASSED
 

@@ -35,7 +35,7 @@ from pcjax.figures import Curve, curve, score_curve
 from pcjax.model.body import Circle
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
-from pcjax.model.hand import box_hand
+from pcjax.model.presets import box_hand
 from pcjax.model.scenario import DIRECTIONS, Scenario
 from pcjax.physics.step import INVALID
 

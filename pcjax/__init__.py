@@ -10,17 +10,19 @@ from pcjax.engines.stepping import trajectory
 from pcjax.evaluate import evaluate
 from pcjax.export import export_hand
 from pcjax.model.arm import PlanarArm
-from pcjax.model.body import Body, Circle, Stick
+from pcjax.model.body import Body, Circle, Stick, register_body
 from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import Drive, WristTilt
-from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
+from pcjax.model.drive import Drive, WristTilt, register_drive
+from pcjax.model.hand import HandDesign
+from pcjax.model.presets import box_hand, register_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.step import State, step
 from pcjax.quality.gradients import Differences, Mixture, Pathwise, differentiable_score
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate, Task
 from pcjax.results import Evaluation
-from pcjax.study import Run, Study, Sweep, load_study
+from pcjax.study.read import load_study
+from pcjax.study.spec import Run, Study, Sweep
 from pcjax.sweep import run_sweep
 
 if TYPE_CHECKING:
@@ -62,6 +64,9 @@ __all__ = [
     "load_study",
     "optimize",
     "plot_map",
+    "register_body",
+    "register_drive",
+    "register_hand",
     "run_sweep",
     "score_map",
     "step",

@@ -47,7 +47,10 @@ def check_between(name: str, value: Any, low: float, high: float) -> None:
     check_finite(name, value)
     number = _plain(value)
     if number is not None and not low <= number <= high:
-        raise ValueError(f"{name} is {number:g}: it has to lie between {low:g} and {high:g}")
+        allowed = (
+            f"be at least {low:g}" if high == math.inf else f"lie between {low:g} and {high:g}"
+        )
+        raise ValueError(f"{name} is {number:g}: it has to {allowed}")
 
 
 def check_count(name: str, value: Any, low: int, high: int) -> None:

@@ -10,31 +10,18 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from pcjax import paper
 from pcjax.checks import check_count
 from pcjax.engines.choice import choose_engine
 from pcjax.engines.ensemble import LIMIT, STATUS_NAMES, Outcomes, run
 from pcjax.engines.lanes import Engine
-from pcjax.model.body import Body, Circle, Stick
+from pcjax.model.body import Body
 from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import Drive, WristTilt
-from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
-from pcjax.model.scenario import (
-    DIRECTIONS,
-    Scenario,
-    check_geometry,
-    default_direction,
-    why_no_eoen,
-)
+from pcjax.model.drive import Drive
+from pcjax.model.hand import HandDesign
+from pcjax.model.scenario import Scenario, check_geometry
 from pcjax.physics.step import INVALID, PAPER_DT
 from pcjax.results import WATCHED, Evaluation, parameters, provenance
-
-
-def default_max_steps(body: Body, drive: Drive) -> int:
-    """The paper's limit of steps for an object and a drive."""
-    if isinstance(body, Stick):
-        return paper.STICK_MAX_STEPS
-    return paper.WRIST_MAX_STEPS if isinstance(drive, WristTilt) else paper.ARM_MAX_STEPS
+from pcjax.study.spec import Run, Study
 
 
 def evaluate(
@@ -86,42 +73,41 @@ def evaluate(
         >>> 0 < result.indices("does")["index1"].value <= 20_000
         True
     """
-    drive = WristTilt() if drive is None else drive
-    wrist = isinstance(drive, WristTilt)
-    if hand is None:
-        hand = box_hand() if wrist else two_joint_hand()
-    if body is None:
-        body = Circle(0.05 * hand.palm_length if wrist else paper.ARM_RADIUS)
-    missing = ""
-    if direction is None:
-        direction, missing = default_direction(hand, drive), why_no_eoen(hand)
-    max_steps = default_max_steps(body, drive) if max_steps is None else max_steps
-    if direction not in (*DIRECTIONS, "both"):
-        raise ValueError(f"direction is {direction!r}: it has to be 'does', 'eoen' or 'both'")
-    scenarios = {
-        name: make(hand, body, drive, law, start_spread)
-        for name, make in DIRECTIONS.items()
-        if direction in (name, "both")
-    }
+    settings = Run(direction, trials, max_steps, seed, start_spread, engine, dt, precision)
+    return evaluate_study(Study.usual(hand, body, drive, law, settings), progress=progress)
+
+
+def evaluate_study(study: Study, *, progress: bool = False) -> Evaluation:
+    """Evaluates the hand of a study as the study says; its sweep is not looked at.
+
+    Arguments:
+        study: what is evaluated, and how.
+        progress: whether to show a progress bar on stderr.
+
+    Raises:
+        ValueError: see `evaluate`.
+    """
+    run_as, missing = study.run, study.directions_and_why()[1]
+    scenarios = study.scenarios()
     for scenario in scenarios.values():
         check_geometry(scenario)
-    chosen = [choose_engine(engine, dt, scenario) for scenario in scenarios.values()]
+    chosen = [choose_engine(run_as.engine, run_as.dt, scenario) for scenario in scenarios.values()]
     began = time.perf_counter()
     outcomes = _run_each(
         list(scenarios.values()),
         chosen,
-        trials=trials,
-        max_steps=max_steps,
-        seed=seed,
-        precision=precision,
+        trials=run_as.trials,
+        max_steps=study.max_steps,
+        seed=run_as.seed,
+        precision=run_as.precision,
         progress=progress,
     )
     period = next(iter(scenarios.values())).drive.period
     settings = {
-        "seed": seed,
+        "seed": run_as.seed,
         "engine": _names(chosen),
         "dt": np.fmin.reduce([engine.step_taken(period) for engine in chosen]),
-        "precision": precision,
+        "precision": run_as.precision,
         "wall_seconds": time.perf_counter() - began,
         **({"no_eoen": missing} if missing else {}),
     }

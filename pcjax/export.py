@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pcjax.checks import check_positive
-from pcjax.model.body import Body, Stick
+from pcjax.model.body import Body, placed_outline
 from pcjax.model.hand import HandDesign, points_of
 from pcjax.model.scenario import does
 from pcjax.results import save_text
@@ -102,11 +102,10 @@ def export_hand(
         drawing.line("GOAL", np.array([[end.x, end.y] for end in (goal.a, goal.b)], float))
         if body is not None:
             start = jax.device_get(does(hand, body).corner_start())
-            centre, radius = np.array([start.x, start.y], float), float(body.radius)
-            if isinstance(body, Stick):
-                angle = float(body.orientation)
-                along = radius * np.array([np.cos(angle), np.sin(angle)])
-                drawing.line("OBJECT", np.array([centre - along, centre + along]))
+            centre = np.array([start.x, start.y], float)
+            corners, radius = placed_outline(body, centre)
+            if len(corners) > 1:
+                drawing.line("OBJECT", corners)
             else:
                 drawing.circle("OBJECT", centre, radius)
     save_text(drawing.text(), path)

@@ -15,7 +15,8 @@ from pcjax import paper
 from pcjax.evaluate import evaluate_grid
 from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Circle, Stick
-from pcjax.model.hand import box_hand, full_cage, two_joint_hand
+from pcjax.model.hand import full_cage
+from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import DIRECTIONS, does
 
 

@@ -22,7 +22,7 @@ from jaxtyping import Int32, UInt8
 
 from pcjax.engines.ensemble import LIMIT, STATUS_NAMES, Outcomes
 from pcjax.files import sealed
-from pcjax.model.body import Body, Stick
+from pcjax.model.body import Body, placed_outline
 from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario
 from pcjax.physics.step import INVALID, PAPER_DT
@@ -142,9 +142,23 @@ def engines_text(names: str, dt: Any) -> str:
 
 def _stick_attributes(body: Body) -> dict[str, float]:
     """What one has to know of a stick: its angle at the start and its skin."""
-    if not isinstance(body, Stick):
-        return {}
-    return {"orientation": float(body.orientation), "skin": float(body.skin)}
+    return {
+        name: float(getattr(body, name)) for name in ("orientation", "skin") if hasattr(body, name)
+    }
+
+
+def _with_outline(data: xr.Dataset) -> xr.Dataset:
+    """An evaluation of before outlines were kept, with that of its circle or stick."""
+    if "outline" in data:
+        return data
+    radius, angle = (float(data.attrs.get(name, math.nan)) for name in ("radius", "orientation"))
+    corners, rounding = np.zeros((1, 2)), radius
+    if not math.isnan(angle):
+        along = radius * np.array([math.cos(angle), math.sin(angle)])
+        corners, rounding = np.array([-along, along]), 0.0
+    placed = data.start.values[:, None, :] + corners
+    dims = ("direction", "corner", "coordinate")
+    return data.assign(outline=(dims, placed, {"rounding": rounding}))
 
 
 def indices_of(
@@ -243,6 +257,10 @@ class Evaluation:
             passages = jax.device_get([s.hand.narrowest_passage() for s in scenarios.values()])
         gaps = [math.hypot(b.x - a.x, b.y - a.y) for a, b in passages]
         starts = jax.device_get([s.corner_start() for s in scenarios.values()])
+        placed = [
+            placed_outline(s.body, np.array([start.x, start.y], float))
+            for s, start in zip(scenarios.values(), starts, strict=True)
+        ]
         watched = {}
         if outcomes.watch is not None:
             watched = {
@@ -266,6 +284,11 @@ class Evaluation:
                     ("direction", "coordinate"),
                     np.array([[start.x, start.y] for start in starts], float),
                     length | {"long_name": "the start closest to the right corner"},
+                ),
+                "outline": (
+                    ("direction", "corner", "coordinate"),
+                    np.stack([corners for corners, _ in placed]),
+                    length | {"long_name": "the object's corners there", "rounding": placed[0][1]},
                 ),
             },
             coords={
@@ -296,7 +319,7 @@ class Evaluation:
         data = load_dataset(path)
         if "escape_step" not in data or "sweep" in data.attrs:
             raise ValueError(f"{path} is a result of pcjax, but no evaluation of one hand")
-        return cls(data)
+        return cls(_with_outline(data))
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Writes everything to a netCDF file.

@@ -27,12 +27,12 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
+from pcjax.checks import check_count
 from pcjax.engines.choice import choose_engine
 from pcjax.engines.ensemble import STATUS_NAMES, Outcomes, run
 from pcjax.engines.lanes import Engine
 from pcjax.files import locked, read_plain, sealed, unsealed
-from pcjax.model.body import Circle
-from pcjax.model.drive import WristTilt
+from pcjax.model.drive import DRIVES
 from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario, check_geometry
 from pcjax.physics.step import INVALID, PAPER_DT
@@ -47,7 +47,7 @@ from pcjax.results import (
     save_text,
     score_of,
 )
-from pcjax.study import Study
+from pcjax.study.spec import Study
 
 BLOCK = 1000
 """Trials of a condition in a task."""
@@ -124,6 +124,7 @@ class Plan:
         Raises:
             ValueError: nothing is swept, or no condition can be run.
         """
+        check_count("trials", study.run.trials, 2, 2**31 - 1)
         self.study = study
         self.points: list[dict[str, float]] = []
         self.cells: dict[tuple[int, str], Cell] = {}
@@ -148,7 +149,7 @@ class Plan:
         total = 0.0
         for cell in self.cells.values():
             kind = "event" if cell.engine.name == "event" else "circle"
-            kind = kind if isinstance(cell.scenario.body, Circle) else "stick"
+            kind = "stick" if cell.scenario.body.turns else kind
             usual = 0.02 if kind == "circle" else 0.01
             step = cell.engine.step_taken(cell.scenario.drive.period)
             finer = 1.0 if math.isnan(step) else usual / step
@@ -698,7 +699,7 @@ def _provenance(plan: Plan) -> dict[str, Any]:
         "jax_version": jax.__version__,
         "device": jax.local_devices()[0].device_kind,
         "study": study.to_toml(),
-        "drive": "wrist" if isinstance(study.drive, WristTilt) else "arm",
+        "drive": DRIVES.kind_of(study.drive),
         "trials": study.run.trials,
         "max_steps": study.max_steps,
         "seed": study.run.seed,

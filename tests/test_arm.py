@@ -17,7 +17,8 @@ from pcjax.engines.stepping import Stepping, trajectory
 from pcjax.model.arm import Gesture, PlanarArm
 from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
-from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
+from pcjax.model.hand import HandDesign
+from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, check_geometry, does, eoen
 from pcjax.physics.step import INVALID, State, at_rest, step
 from pcjax.planar import Vec

@@ -11,7 +11,7 @@ from benchmarks import numba_loop
 from benchmarks.growth import chain_hand
 from benchmarks.inputs import as_arrays
 from pcjax.model.body import Circle
-from pcjax.model.hand import box_hand
+from pcjax.model.presets import box_hand
 from pcjax.model.scenario import does
 
 mujoco_scene = pytest.importorskip("benchmarks.mujoco_scene", exc_type=ImportError)

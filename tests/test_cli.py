@@ -26,6 +26,7 @@ from pcjax.claims import FIGURES_NEEDED, judge_claims
 from pcjax.cli import main
 from pcjax.compilation_cache import OLDEST_JAX, cache_folder
 from pcjax.figures import run_figure
+from pcjax.study import Study
 
 # A wide gate and inclined fingertips: within 50 s about half of the trials pass.
 SMALL = "--trials 64 --max-steps 50_000 --fingertip-angle -20 --gap-width 400"
@@ -236,6 +237,26 @@ def test_the_flags_reach_the_simulation(command: Command):
     assert numbers(told) == numbers(by_hand.as_json())
 
 
+def test_flags_win_over_a_study_file(command: Command, tmp_path: Path):
+    (tmp_path / "own.toml").write_text(
+        "[hand]\npalm_length = 400\nlengths = [[350, 120, 90], [300, 140, 60]]\n"
+        "angles_deg = [[90, 90, 75], [80, 95, 50]]\n[body]\nradius = 12\n[run]\nseed = 3\n"
+    )
+    line = "evaluate own.toml --trials 40 --max-steps 2000 --direction does --out own.nc"
+    flags = "--radius 15 --gravity 5 --fingertip-angle 20 --body stick --orientation 30 --seed 4"
+    assert command(f"{line} {flags}").code == 0
+    kept = pcjax.Evaluation.load(tmp_path / "own.nc").dataset.attrs
+    told = json.loads(kept["parameters"])["does"]
+    assert kept["seed"] == 4
+    assert told["body.half_length"] == 15
+    assert told["body.orientation"] == pytest.approx(math.radians(30))
+    assert told["drive.gravity"] == 5
+    assert told["hand.lengths[1][1]"] == 140
+    for finger in (0, 1):
+        assert told[f"hand.angles[{finger}][2]"] == pytest.approx(math.radians(70))
+    check_refused(command(f"{line} --joint-angles 65 90"), "--joint-angles", "two chains")
+
+
 def test_lengths_that_are_not_given_follow_the_palm(command: Command):
     # With g scaled as well, twice the size is the same motion in the same time, but for impacts
     # about the resting speed, which is a speed of its own.
@@ -298,11 +319,11 @@ def test_defaults_of_the_arm(command: Command):
 def test_every_setting_of_a_run_is_handed_on(command: Command, monkeypatch: pytest.MonkeyPatch):
     handed: dict[str, Any] = {}
 
-    def record(*_: Any, **settings: Any) -> pcjax.Evaluation:
-        handed.update(settings)
+    def record(study: Study, **_: Any) -> pcjax.Evaluation:
+        handed.update(vars(study.run))
         return pcjax.evaluate(trials=64, max_steps=50_000)
 
-    monkeypatch.setattr("pcjax.cli.evaluate.evaluate", record)
+    monkeypatch.setattr("pcjax.cli.evaluate.evaluate_study", record)
     line = (
         "evaluate --json --direction both --trials 1_000 --max-steps 70,000 --seed 8 "
         "--engine stepping --dt 1e-3 --precision 64"
@@ -392,7 +413,7 @@ def test_an_interruption_is_one_line_and_status_130(
     def interrupted(*_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pcjax.cli.evaluate.evaluate", interrupted)
+    monkeypatch.setattr("pcjax.cli.evaluate.evaluate_study", interrupted)
     done = command("evaluate")
     assert (done.code, done.out) == (130, "")
     assert len(done.err.splitlines()) == 1
@@ -655,7 +676,7 @@ def refused(line: str, *words: str, id: str | None = None) -> Any:
 
 LENGTHS = ("palm-length", "fingertip-length", "gap-width", "radius")
 BAD_LENGTHS = [
-    refused(f"evaluate --{name} {value}", name.replace("-", "_"), value)
+    refused(f"evaluate --{name} {value}", f"--{name}", value)
     for name in LENGTHS
     for value in ("nan", "inf", "-inf", "0", "-1")
 ]
@@ -671,8 +692,8 @@ BAD_NUMBERS = [
     refused("evaluate --gravity nan", "gravity", "nan"),
     refused("evaluate --gravity inf", "gravity", "inf"),
     refused("evaluate --gravity -9.8", "gravity", "-9.8"),
-    refused("evaluate --fingertip-angle nan", "fingertip_angle", "nan"),
-    refused("evaluate --fingertip-angle inf", "fingertip_angle", "inf"),
+    refused("evaluate --fingertip-angle nan", "--fingertip-angle", "nan"),
+    refused("evaluate --fingertip-angle inf", "--fingertip-angle", "inf"),
     refused("evaluate --dt 0", "dt", "0"),
     refused("evaluate --dt -0.001", "dt", "-0.001"),
     refused("evaluate --dt=-1e-3", "dt", "-0.001"),
@@ -730,16 +751,16 @@ BAD_WORDS = [
     refused("figure 12 13", "13"),
 ]
 BAD_COMBINATIONS = [
-    refused("evaluate --scenario arm --fingertip-angle 10", "--fingertip-angle", "arm"),
-    refused("evaluate --scenario arm --fingertip-length 10", "--fingertip-length", "arm"),
-    refused("evaluate --scenario arm --gap-width 10", "--gap-width", "arm"),
-    refused("evaluate --joint-angles 65 90", "--joint-angles", "wrist"),
+    refused("evaluate --scenario arm --fingertip-angle 10", "--fingertip-angle", "two-joint"),
+    refused("evaluate --scenario arm --fingertip-length 10", "--fingertip-length", "two-joint"),
+    refused("evaluate --scenario arm --gap-width 10", "--gap-width", "two-joint"),
+    refused("evaluate --joint-angles 65 90", "--joint-angles", "box"),
     refused("evaluate --orientation 45", "--orientation", "circle"),
     refused("evaluate --scenario arm --orientation 45", "--orientation", "circle"),
     refused("evaluate --scenario arm --joint-angles 65", "--joint-angles"),
-    refused("evaluate --scenario arm --joint-angles 65 nan", "joint angle", "nan"),
+    refused("evaluate --scenario arm --joint-angles 65 nan", "--joint-angles of joint 2", "nan"),
     refused("evaluate --body stick --orientation inf", "orientation", "inf"),
-    refused("evaluate --body stick --radius -1", "half_length", "-1"),
+    refused("evaluate --body stick --radius -1", "--radius", "-1"),
     refused("evaluate --body stick --radius 240", "stick", "240", "does not fit"),
     refused("evaluate --scenario arm --joint-angles 120 120", "cross"),
 ]
@@ -749,7 +770,7 @@ BAD_FILES = [
     refused("optimize --checkpoint folder", "folder", "it is a folder"),
     refused("evaluate plain", "plain", "TOML"),
     refused("evaluate folder", "folder", "cannot be read"),
-    refused("evaluate missing.toml --radius 5", "--radius", "study file"),
+    refused("evaluate missing.toml --radius 5", "missing.toml", "does not exist"),
     refused("evaluate --out missing/run.nc", "missing/run.nc", "folder"),
     refused("evaluate --out folder", "folder", "it is a folder"),
     refused("evaluate --out plain/run.nc", "plain/run.nc", "folder"),
@@ -808,7 +829,7 @@ BAD_DRAWINGS = [
     refused("animate --dt 100", "dt", "100"),
     refused("animate --max-steps 10", "none of the first 200", "escaped", "10 steps"),
     refused("animate --direction both", "both", "does, eoen"),
-    refused("animate --direction eoen --scenario arm", "only what wrists and arms do"),
+    refused("animate --direction eoen --scenario arm", "seen in a mirror"),
     refused("animate --radius 240", "radius 240", "does not fit"),
     refused("map --out map.doc", "map.doc", "png"),
     refused("map --data map.xls", "map.xls", ".nc, .csv"),
@@ -881,7 +902,7 @@ def test_a_file_that_cannot_be_used_is_refused_before_the_work(
     (tmp_path / "folder").mkdir()
     (tmp_path / "plain").write_text("a file, not a folder")
     for work in (
-        "evaluate.evaluate",
+        "evaluate.evaluate_study",
         "figure.run_figure",
         "claims.run_figure",
         "optimize.optimize",

@@ -31,7 +31,8 @@ from pcjax.engines.ensemble import Outcomes
 from pcjax.files import locked
 from pcjax.reading import load_dataset
 from pcjax.results import provenance, save_dataset
-from pcjax.study import EXAMPLE, Run, Study, Sweep, load_study
+from pcjax.study.read import EXAMPLE, load_study
+from pcjax.study.spec import Run, Study, Sweep
 from pcjax.sweep import Parts, Plan, Task, run_sweep
 
 MUTATIONS = int(os.environ.get("PCJAX_MUTATIONS", "60"))

@@ -23,7 +23,8 @@ from pcjax.design.optimize import Settings, Step, at_rest, optimize, starting_de
 from pcjax.design.space import DesignSpace, design_space, nearest_within
 from pcjax.model.body import Circle
 from pcjax.model.drive import WristTilt
-from pcjax.model.hand import HandDesign, box_hand
+from pcjax.model.hand import HandDesign
+from pcjax.model.presets import box_hand
 from pcjax.physics.step import PAPER_DT
 from pcjax.quality.gradients import Gradient
 from pcjax.quality.indices import ratio

@@ -16,7 +16,8 @@ from pcjax.engines.event import EventDriven
 from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Circle
 from pcjax.model.drive import WristTilt
-from pcjax.model.hand import HandDesign, box_hand, full_cage, two_joint_hand
+from pcjax.model.hand import HandDesign, full_cage
+from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import check_geometry, default_direction, does, eoen, why_no_eoen
 from pcjax.planar import Vec
 

@@ -18,7 +18,8 @@ import pcjax.engines.ensemble as ensemble
 from pcjax.engines.ensemble import LIMIT, Outcomes, run
 from pcjax.engines.stepping import Stepping, trajectory
 from pcjax.model.body import Circle, Stick
-from pcjax.model.hand import HandDesign, box_hand
+from pcjax.model.hand import HandDesign
+from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.step import INVALID, PASSED
 

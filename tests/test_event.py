@@ -23,7 +23,7 @@ from pcjax.engines.stepping import Stepping
 from pcjax.model.body import Circle
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import Swing, WristTilt
-from pcjax.model.hand import box_hand
+from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.step import INVALID, PASSED, RUNNING
 from pcjax.planar import Vec

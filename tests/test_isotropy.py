@@ -13,7 +13,8 @@ import pytest
 from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import Swing
-from pcjax.model.hand import Goal, box_hand, two_joint_hand
+from pcjax.model.hand import Goal
+from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, World, does
 from pcjax.physics.step import RUNNING, State, advance, at_rest
 from pcjax.planar import Segment, Vec

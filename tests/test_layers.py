@@ -18,15 +18,16 @@ PACKAGE = Path(pcjax.__file__).parent
 LAYERS = (
     ("__init__", "__main__", "cli", "compilation_cache"),
     ("claims", "viz", "sweep"),
-    ("study",),
-    ("figures", "design", "export"),
+    ("figures", "export"),
     ("evaluate",),
+    ("study",),
+    ("design",),
     ("results", "reading", "paper"),
     ("quality",),
     ("engines",),
     ("physics",),
     ("model",),
-    ("planar", "checks", "files", "netcdf"),
+    ("planar", "components", "checks", "files", "netcdf"),
 )
 """Top to bottom: the modules and folders directly under pcjax/. A module may import from its own
 layer and from those below. A new one fails the tests until it has its place here."""

@@ -18,7 +18,7 @@ from pcjax.engines.ensemble import run
 from pcjax.engines.stepping import Stepping
 from pcjax.model.body import Circle
 from pcjax.model.drive import WristTilt
-from pcjax.model.hand import box_hand
+from pcjax.model.presets import box_hand
 from pcjax.model.scenario import does, eoen
 
 # theta_g: DoEs index 1, index 2, EoEn index 1, index 2, from an independent program with about

@@ -11,7 +11,8 @@ import pytest
 
 import pcjax
 from pcjax.cli import main
-from pcjax.study import EXAMPLE, Study
+from pcjax.study.read import EXAMPLE
+from pcjax.study.spec import Study
 from tests.shown import ROOT, SMALL, blocks, check_files_written, small_words
 
 README = ROOT / "README.md"

@@ -11,7 +11,8 @@ import pytest
 from pcjax.engines.draws import period_draws, start_draws, trial_key
 from pcjax.engines.stepping import trajectory
 from pcjax.model.body import Circle
-from pcjax.model.hand import HandDesign, box_hand
+from pcjax.model.hand import HandDesign
+from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.step import PASSED
 from tests.reference import simulator

@@ -20,7 +20,7 @@ from pcjax.engines.stepping import trajectory
 from pcjax.evaluate import evaluate
 from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Circle, Stick
-from pcjax.model.hand import box_hand, two_joint_hand
+from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does
 from pcjax.physics.step import PAPER_DT, PASSED, State
 from tests.reference import simulator, world

@@ -18,7 +18,8 @@ from scipy import integrate
 from pcjax.model.body import Circle
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import Swing, WristTilt
-from pcjax.model.hand import HandDesign, box_hand
+from pcjax.model.hand import HandDesign
+from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.step import INVALID, PASSED, RUNNING, State, at_rest, step
 from pcjax.planar import Vec

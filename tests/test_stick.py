@@ -21,7 +21,8 @@ from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import Swing
-from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
+from pcjax.model.hand import HandDesign
+from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does
 from pcjax.physics.step import INVALID, PASSED, RUNNING, State, at_rest, begin, step
 from pcjax.physics.stick import Pose, depths

@@ -23,7 +23,8 @@ from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
-from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
+from pcjax.model.hand import HandDesign
+from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.step import INVALID
 from pcjax.quality.gradients import Differences, Gradient, Mixture, Pathwise, differentiable_score

@@ -23,8 +23,9 @@ from pcjax.evaluate import evaluate
 from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
-from pcjax.model.hand import box_hand
-from pcjax.study import EXAMPLE, Run, Study, Sweep, load_study
+from pcjax.model.presets import box_hand
+from pcjax.study.read import EXAMPLE, load_study
+from pcjax.study.spec import Run, Study, Sweep
 from pcjax.sweep import Parts, Plan, run_sweep
 from pcjax.viz.sweeps import plot_sweep
 
@@ -122,7 +123,7 @@ _CHILD = """
 import pathlib, sys
 import pcjax.sweep
 from pcjax.compilation_cache import use_compilation_cache
-from pcjax.study import load_study
+from pcjax.study.read import load_study
 use_compilation_cache()
 pcjax.sweep.BLOCK = 20
 pcjax.sweep.run_sweep(load_study(sys.argv[1]), sys.argv[2], keep_trials=True)
@@ -301,7 +302,7 @@ def test_a_cluster_gives_the_same_file_though_a_worker_dies(whole: Path, tmp_pat
 import os, pathlib, signal, threading, time
 from distributed import Client, LocalCluster
 import pcjax.sweep
-from pcjax.study import load_study
+from pcjax.study.read import load_study
 
 def main():
     pcjax.sweep.BLOCK = 20

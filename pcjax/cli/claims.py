@@ -14,7 +14,7 @@ from pcjax.cli.parts import (
 )
 from pcjax.figures import run_figure
 from pcjax.reading import load_dataset
-from pcjax.study import Run
+from pcjax.study.spec import Run
 
 _TRIALS = 1000
 

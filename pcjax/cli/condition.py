@@ -1,41 +1,49 @@
-"""The flags that describe a hand, its object and its drive, and the study file in their place."""
+"""The flags that describe a hand, its object and its drive, and the study file they go with."""
 
 from __future__ import annotations
 
 import argparse
-import math
+import re
 import warnings
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import MISSING, replace
 from pathlib import Path
+from typing import Any
 
-from pcjax import paper
-from pcjax.checks import InputWarning, doubts_of_degrees
+from pcjax.checks import InputWarning
 from pcjax.cli.parts import number
-from pcjax.model.arm import PlanarArm
-from pcjax.model.body import Circle, Stick
+from pcjax.components import Component, Quantity, quantities
+from pcjax.model.body import BODIES
 from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import WristTilt
-from pcjax.model.hand import box_hand, two_joint_hand
+from pcjax.model.drive import DRIVES
+from pcjax.model.presets import HANDS
 from pcjax.quality.surrogate import Task
-from pcjax.study import Study, load_study
+from pcjax.study.read import read_study
+from pcjax.study.spec import Study
 
-_FLAGS = (
-    "scenario",
-    "body",
-    "fingertip_angle",
-    "joint_angles",
-    "palm_length",
-    "fingertip_length",
-    "gap_width",
-    "radius",
-    "orientation",
-    "restitution",
-    "gravity",
-)
+_KINDS = {
+    "hand": ("preset", "hand", HANDS, "the hand (default: box on the wrist, two-joint on the arm)"),
+    "drive": ("kind", "scenario", DRIVES, "what moves the hand (default: wrist)"),
+    "body": ("kind", "body", BODIES, "the object (default: circle)"),
+}
+"""By table: the key that says the kind, its flag, the registry, and the flag's help."""
+
+
+def _declared() -> Iterator[tuple[str, str, Quantity]]:
+    """Every parameter with a flag: its table, the kind of component it belongs to, itself."""
+    sorts: list[tuple[str, str, type[Component]]] = [
+        (table, kind, registry[kind])
+        for table, (_, _, registry, _) in _KINDS.items()
+        for kind in registry.kinds()
+    ]
+    for table, kind, component in [*sorts, ("contact", "", ContactLaw)]:
+        for what in quantities(component).values():
+            if what.flag:
+                yield table, kind, what
 
 
 def add_condition(parser: argparse.ArgumentParser) -> None:
-    """The flags."""
+    """The flags, from what components declare."""
     add = parser.add_argument
     add(
         "study",
@@ -43,150 +51,76 @@ def add_condition(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         default=None,
         metavar="FILE",
-        help="a study file (TOML) in place of flags for the hand, its object and its drive; "
-        "'pcjax study --example' prints one",
+        help="a study file (TOML), which the flags change; 'pcjax study --example' prints one",
     )
-    add(
-        "--scenario",
-        choices=("wrist", "arm"),
-        default=None,
-        help="what moves the hand (default: wrist)",
-    )
-    add("--body", choices=("circle", "stick"), default=None, help="the object (default: circle)")
-    add(
-        "--fingertip-angle",
-        type=number,
-        default=None,
-        metavar="DEG",
-        help=f"theta_g, degrees, of the wrist's box hand (default: {paper.BEST_ANGLE_DEG:g})",
-    )
-    first, second = paper.ARM_JOINT_ANGLES_DEG
-    add(
-        "--joint-angles",
-        type=number,
-        nargs=2,
-        default=None,
-        metavar=("A", "B"),
-        help=f"theta_i1 and theta_i2, degrees, of the arm's hand (default: {first:g} {second:g})",
-    )
-    add(
-        "--palm-length",
-        type=number,
-        default=None,
-        metavar="L",
-        help=f"L_p, model units (default: {paper.WRIST_PALM_LENGTH:g} on the wrist, "
-        f"{paper.ARM_PALM_LENGTH:g} on the arm)",
-    )
-    add(
-        "--fingertip-length",
-        type=number,
-        default=None,
-        metavar="L",
-        help="L_g, model units, of the wrist's box hand (default: 0.2 L_p)",
-    )
-    add(
-        "--gap-width",
-        type=number,
-        default=None,
-        metavar="W",
-        help="W_g, model units, of the wrist's box hand (default: 0.4 L_p)",
-    )
-    add(
-        "--radius",
-        type=number,
-        default=None,
-        metavar="R",
-        help="r_o, a circle's radius or a stick's half length, model units (default: 0.05 L_p on "
-        f"the wrist, {paper.ARM_RADIUS:g} on the arm)",
-    )
-    add(
-        "--orientation",
-        type=number,
-        default=None,
-        metavar="DEG",
-        help="a stick's angle from the palm at the start, degrees (default: 0)",
-    )
-    add(
-        "--restitution",
-        type=number,
-        default=None,
-        metavar="E",
-        help=f"e_r (default: {paper.RESTITUTION:g})",
-    )
-    add(
-        "--gravity",
-        type=number,
-        default=None,
-        metavar="G",
-        help=f"g (default: {paper.GRAVITY:g})",
-    )
+    for _, flag, registry, told in _KINDS.values():
+        add(f"--{flag}", choices=registry.kinds(), default=None, help=told)
+    flags: dict[str, list[tuple[str, Quantity]]] = {}
+    for _, kind, what in _declared():
+        flags.setdefault(what.flag, []).append((kind, what))
+    for flag, owners in flags.items():
+        first = owners[0][1]
+        letter = "DEG" if first.unit == "angle" else flag.rsplit("-", 1)[-1][0].upper()
+        several = [chr(ord("A") + k) for k in range(first.count or 1)]
+        add(
+            f"--{flag}",
+            type=number,
+            nargs=first.count,
+            default=None,
+            metavar=letter if first.count is None else tuple(several),
+            help=_help(owners),
+        )
+
+
+def _help(owners: list[tuple[str, Quantity]]) -> str:
+    """What a flag is, its unit, and what it is unless given, for each kind that has it."""
+    texts, defaults = {}, {}
+    for kind, what in owners:
+        texts.setdefault(what.help, []).append(kind)
+        usual = what.usual
+        if not usual and what.default not in (None, MISSING):
+            value = what.to_file(what.default)
+            usual = " ".join(f"{v:g}" for v in (value if isinstance(value, list) else [value]))
+        defaults.setdefault(usual, []).append(kind)
+
+    def told(each: dict[str, list[str]]) -> str:
+        if len(each) == 1:
+            return next(iter(each))
+        return ", ".join(f"{text} ({', '.join(kinds)})" for text, kinds in each.items())
+
+    unit = owners[0][1].unit_in_words
+    return f"{told(texts)}{', ' if unit else ''}{unit} (default: {told(defaults)})"
 
 
 def condition(arguments: argparse.Namespace) -> Study:
-    """What the flags or the study file ask for; flags that do not apply are refused."""
-    if arguments.study is not None:
-        for flag in _FLAGS:
-            if getattr(arguments, flag) is not None:
-                raise ValueError(
-                    f"--{flag.replace('_', '-')} does not go with a study file: say it there"
-                )
-        return _with_flags(load_study(arguments.study), arguments)
-    arm, stick = arguments.scenario == "arm", arguments.body == "stick"
-    gravity = _given(arguments.gravity, paper.GRAVITY)
-    for flag, applies, why in (
-        ("fingertip_angle", not arm, "the arm's two-joint hand has --joint-angles"),
-        ("fingertip_length", not arm, "it belongs to the wrist's box hand"),
-        ("gap_width", not arm, "it belongs to the wrist's box hand"),
-        ("joint_angles", arm, "the wrist's box hand has --fingertip-angle"),
-        ("orientation", stick, "a circle has none; --body stick has"),
-    ):
-        if getattr(arguments, flag) is not None and not applies:
-            name = "--" + flag.replace("_", "-")
-            where = "--body circle" if flag == "orientation" else "--scenario "
-            where += "" if flag == "orientation" else ("arm" if arm else "wrist")
-            raise ValueError(f"{name} does not apply to {where}: {why}")
-    if arm:
-        angles = arguments.joint_angles or paper.ARM_JOINT_ANGLES_DEG
-        hand = two_joint_hand(
-            *(math.radians(angle) for angle in angles),
-            palm_length=_given(arguments.palm_length, paper.ARM_PALM_LENGTH),
-            lengths=paper.ARM_FINGER,
-        )
-        drive, radius = PlanarArm(gravity=gravity), paper.ARM_RADIUS
-    else:
-        length = _given(arguments.palm_length, paper.WRIST_PALM_LENGTH)
-        hand = box_hand(
-            math.radians(_given(arguments.fingertip_angle, paper.BEST_ANGLE_DEG)),
-            palm_length=length,
-            gap_width=arguments.gap_width,
-            fingertip_length=arguments.fingertip_length,
-        )
-        drive, radius = WristTilt(gravity=gravity), 0.05 * length
-    radius = _given(arguments.radius, radius)
-    orientation = math.radians(_given(arguments.orientation, 0.0))
-    law = ContactLaw(restitution=_given(arguments.restitution, paper.RESTITUTION))
-    body = Stick(radius, orientation) if stick else Circle(radius)
-    given = {
-        "--fingertip-angle": [_given(arguments.fingertip_angle, 0.0)],
-        "--joint-angles": arguments.joint_angles or [],
-        "--orientation": [_given(arguments.orientation, 0.0)],
-    }
-    for flag, degrees in given.items():
-        for doubt in doubts_of_degrees(flag, degrees, joints=flag == "--joint-angles"):
-            warnings.warn(doubt, InputWarning, stacklevel=2)
-    return _with_flags(Study(hand, body, drive, law), arguments)
+    """What the study file and the flags ask for; flags win over the file."""
+    instead: dict[str, dict[str, Any]] = {}
+    for table, (key, flag, _, _) in _KINDS.items():
+        if getattr(arguments, flag) is not None:
+            instead.setdefault(table, {})[key] = getattr(arguments, flag)
+    names: dict[str, str] = {}
+    for table, _, what in _declared():
+        given = getattr(arguments, what.flag.replace("-", "_"))
+        if given is not None:
+            instead.setdefault(table, {})[what.file_key] = given
+            names[f"[{table}] {what.file_key}"] = f"--{what.flag}"
 
+    def by_flag(text: str) -> str:
+        """A message in which what came from a flag is called by it."""
+        return re.sub(r"\[\w+\] \w+", lambda m: names.get(m.group(), m.group()), text)
 
-def _with_flags(study: Study, arguments: argparse.Namespace) -> Study:
-    """The study run as the flags say, where the command has them and they are given."""
-    flags = ("max_steps", "seed", "engine", "dt", "precision")
+    try:
+        study, doubts = read_study(arguments.study, instead)
+    except ValueError as error:
+        raise ValueError(by_flag(str(error))) from None
+    for doubt in doubts:
+        told = by_flag(doubt)
+        where = "" if arguments.study is None or told != doubt else f"{arguments.study}: "
+        warnings.warn(f"{where}{told}", InputWarning, stacklevel=2)
+    flags = ("direction", "trials", "max_steps", "seed", "engine", "dt", "precision")
     given = {name: getattr(arguments, name, None) for name in flags}
     given = {name: value for name, value in given.items() if value is not None}
     return replace(study, run=replace(study.run, **given))
-
-
-def _given(value: float | None, default: float) -> float:
-    return default if value is None else value
 
 
 def parameter_flag(text: str) -> tuple[str, tuple[float, float] | None]:
@@ -204,9 +138,10 @@ def parameter_flag(text: str) -> tuple[str, tuple[float, float] | None]:
 
 def usual_parameters(study: Study) -> tuple[str, str]:
     """The two parameters of a hand that one looks at first."""
-    if isinstance(study.drive, WristTilt):
+    limbs = min(len(lengths) for lengths in study.hand.lengths)
+    if limbs > 2:
         return "fingertip_angle", "fingertip_length"
-    return "joint_angle_1", "joint_angle_2"
+    return "joint_angle_1", "joint_angle_2" if limbs == 2 else "link_length_1"
 
 
 def task_of(study: Study) -> Task:

@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 from pcjax.cli.condition import add_condition, condition
-from pcjax.cli.parts import add_run, check_picture, check_writable, run_settings, save_picture
-from pcjax.evaluate import evaluate
+from pcjax.cli.parts import add_run, check_picture, check_writable, save_picture
+from pcjax.evaluate import evaluate_study
 
 
 def add_evaluate(parser: argparse.ArgumentParser) -> None:
@@ -35,15 +35,7 @@ def _run(arguments: argparse.Namespace) -> None:
     study = condition(arguments)
     if study.sweep is not None:
         print("pcjax: the study's [sweep] is left out: 'pcjax sweep' runs it", file=sys.stderr)
-    result = evaluate(
-        study.hand,
-        study.body,
-        direction=arguments.direction or study.run.direction,
-        drive=study.drive,
-        law=study.law,
-        start_spread=study.run.start_spread,
-        **run_settings(arguments, study.run),
-    )
+    result = evaluate_study(study, progress=True)
     if arguments.out:
         result.save(arguments.out)
     if arguments.plot:

@@ -18,7 +18,7 @@ from pcjax.cli.parts import (
 )
 from pcjax.figures import curve, run_figure, score_curve
 from pcjax.results import NAMES, save_dataset
-from pcjax.study import Run
+from pcjax.study.spec import Run
 
 
 def add_figure(parser: argparse.ArgumentParser) -> None:

@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 from pcjax import paper
 from pcjax.checks import did_you_mean
 from pcjax.engines.choice import ENGINES
-from pcjax.study import Run
+from pcjax.study.spec import Run
 
 PICTURES = (".png", ".svg", ".pdf", ".jpg", ".webp")
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pcjax.cli.parts import check_writable
 from pcjax.results import save_text
-from pcjax.study import EXAMPLE, load_study
+from pcjax.study.read import EXAMPLE, load_study
 from pcjax.sweep import Plan
 
 

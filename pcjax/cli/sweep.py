@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from pcjax.cli.parts import RUN_FLAGS, Terminated, add_run, check_writable, number
 from pcjax.cli.results import table
-from pcjax.study import load_study
+from pcjax.study.read import load_study
 from pcjax.sweep import Plan, run_sweep
 
 

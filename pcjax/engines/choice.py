@@ -5,24 +5,14 @@ from __future__ import annotations
 from pcjax.engines.event import EventDriven
 from pcjax.engines.lanes import Engine
 from pcjax.engines.stepping import SHORTEST_STEP, Stepping
-from pcjax.model.body import Circle, Stick
-from pcjax.model.drive import WristTilt
+from pcjax.model.body import Circle
 from pcjax.model.scenario import Scenario, gap_of
 from pcjax.physics.step import PAPER_DT
 
 ENGINES = ("auto", "event", "stepping")
 
-_LARGEST_AUTO_STEP = 0.04
-"""Seconds. `experiments/engines.py`: index 1 is within 0.3 % of that at 0.001 s up to 0.05 s."""
-
 _LEAST_CLEARANCE = 1e-4
 """Difference between gap and object, in diameters, that the event-driven engine needs."""
-
-_LARGEST_ARM_STEP = 0.02
-"""Seconds, for a circle in a hand that an arm carries about."""
-
-_LARGEST_STICK_STEP = 0.01
-"""Seconds, for a stick."""
 
 _AUTO_TRAVEL = 0.5
 """Share of the radius that a step may cover at the speed of a fall through the whole hand."""
@@ -66,7 +56,7 @@ def choose_engine(name: str, dt: float | None, scenario: Scenario) -> Engine:
 
 def _obstacle_to_events(scenario: Scenario) -> str | None:
     """Why the event-driven engine does not apply to a scenario, if so."""
-    if not (isinstance(scenario.drive, WristTilt) and isinstance(scenario.body, Circle)):
+    if not (scenario.drive.steady_in_between and isinstance(scenario.body, Circle)):
         return "it knows a circle in a hand that a wrist tilts; take engine 'stepping'"
     if scenario.law.smoothing is not None:
         return "it knows hard contact only, and this one is smoothed; take engine 'stepping'"
@@ -91,7 +81,5 @@ def safe_step(scenario: Scenario) -> float:
             f"the radius {radius:g} is too small for a hand of {reach:g} under gravity: the object "
             f"would need steps below {SHORTEST_STEP:g} s"
         )
-    largest = _LARGEST_AUTO_STEP if isinstance(drive, WristTilt) else _LARGEST_ARM_STEP
-    if isinstance(scenario.body, Stick):
-        largest = _LARGEST_STICK_STEP
-    return min(largest, _AUTO_TRAVEL * radius / max(speed, 1e-9))
+    longest = min(drive.longest_step, scenario.body.longest_step)
+    return min(longest, _AUTO_TRAVEL * radius / max(speed, 1e-9))

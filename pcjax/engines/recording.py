@@ -16,11 +16,11 @@ from pcjax.checks import check_count
 from pcjax.engines.draws import period_draws, start_draws, trial_key
 from pcjax.engines.ensemble import LIMIT, paper_steps, run
 from pcjax.engines.stepping import Stepping, lag_of, trajectory
-from pcjax.model.arm import PlanarArm
-from pcjax.model.drive import WristTilt
+from pcjax.model.drive import Drive
 from pcjax.model.hand import points_of
 from pcjax.model.scenario import Scenario
 from pcjax.physics.step import INVALID, PAPER_DT, PASSED, begin
+from pcjax.planar import Vec
 
 PICKS = {
     "escaped": "the first that escaped",
@@ -44,7 +44,7 @@ class Frames:
         joints: the hand's origin in the world, preceded by the joints of the arm that carries it.
         turn: the angle by which the hand's axes are turned against the world's, radians.
         pull: gravity in the world's axes, as far as it acts in the plane of the hand.
-        tilt: the wrist's T1 and T2, radians; None for an arm.
+        tilt: the wrist's T1 and T2, radians; None for other drives.
     """
 
     times: Float[np.ndarray, " frames"]
@@ -132,11 +132,8 @@ def record(
         dt: the solver's step, s.
 
     Raises:
-        ValueError: a number out of range, or a drive that is neither wrist nor arm.
+        ValueError: a number out of range.
     """
-    if not isinstance(scenario.drive, (WristTilt, PlanarArm)):
-        kind = type(scenario.drive).__name__
-        raise ValueError(f"the drive is a {kind}: only what wrists and arms do can be drawn")
     check_count("seed", seed, 0, 2**32 - 1)
     check_count("trial", trial, 0, 2**31 - 1)
     check_count("max_steps", max_steps, 1, 2**31 - 1)
@@ -172,9 +169,7 @@ def _run(scenario: Scenario, seed: Any, trial: Any, periods: int, dt: float) -> 
 
 
 @jax.jit
-def _carriage(
-    drive: WristTilt | PlanarArm, seed: Any, trial: Any, periods: Array, times: Array
-) -> Any:
+def _carriage(drive: Drive, seed: Any, trial: Any, periods: Array, times: Array) -> Any:
     """`joints`, `turn`, `pull` and `tilt` of `Frames` at times of some periods."""
     key = trial_key(seed, trial)
 
@@ -183,15 +178,14 @@ def _carriage(
             period_draws(key, jnp.maximum(k, 0), drive.targets_per_period)
             for k in (period - 1, period)
         )
-        if isinstance(drive, PlanarArm):
-            joints, turn = drive.pose(drive.swing(before, draws, period == 0), time)
-            places = jnp.stack([jnp.stack([joint.x, joint.y]) for joint in joints])
-            down = drive.gravity_direction
-            return places, turn, drive.gravity * jnp.stack([jnp.cos(down), jnp.sin(down)]), None
-        swing = drive.swing(before, draws, period == 0)
-        pull, tilt = drive.pull(swing, time, 0.0).start, drive.tilt(swing, time)
-        still = jnp.zeros((1, 2))
-        return still, 0.0, jnp.stack([pull.x, pull.y]), jnp.stack([tilt.x, tilt.y])
+        there = drive.carriage(drive.swing(before, draws, period == 0), time)
+
+        def pair(vector: Vec) -> Array:
+            return jnp.stack([vector.x, vector.y])
+
+        joints = jnp.stack([pair(joint) for joint in there.joints])
+        tilt = None if there.tilt is None else pair(there.tilt)
+        return joints, there.turn, pair(there.pull), tilt
 
     return jax.vmap(one)(periods, times)
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from pcjax.checks import check_between, check_finite, check_positive
+from pcjax.checks import check_between
+from pcjax.components import quantity
+from pcjax.model.drive import Carriage, Drive, register_drive
 from pcjax.model.motion import Carry, Motion
 from pcjax.planar import Flag, Scalar, Vec
 
@@ -27,7 +30,12 @@ class Gesture(eqx.Module):
     held: Vec
 
 
-class PlanarArm(eqx.Module):
+def _joints(what: str, default: Joints, key: str) -> Any:
+    return quantity("angle", what, default=default, count=3, each="joint", key=key)
+
+
+@register_drive("arm")
+class PlanarArm(Drive):
     """The planar arm of Sec. 3.6: three links that carry the hand about under steady gravity.
 
     The first link points along `mount_angle` (from the world's x axis) when its joint angle is 0,
@@ -63,58 +71,62 @@ class PlanarArm(eqx.Module):
         ['-0.0 -200.0', '141.4 -341.4']
     """
 
-    lengths: Joints
-    rest: Joints
-    low: Joints
-    high: Joints
-    mount_angle: Scalar
-    gravity: Scalar
-    gravity_direction: Scalar
-    ramp_time: float = eqx.field(static=True)
-    period: float = eqx.field(static=True)
+    lengths: Joints = quantity(
+        "length",
+        "L_a1, L_a2, L_a3",
+        default=(200.0, 200.0, 0.0),
+        low=0,
+        count=3,
+        each="joint",
+        key="lengths",
+    )
+    rest: Joints = _joints("joint angles at the start", (0.0, math.pi / 4, 0.0), "rest")
+    low: Joints = _joints("least targets", (-math.pi / 4, 0.0, 0.0), "low")
+    high: Joints = _joints("largest targets", (math.pi / 4, math.pi / 2, 0.0), "high")
+    mount_angle: Scalar = quantity(
+        "angle",
+        "where the first link points at joint angle 0",
+        default=-math.pi / 2,
+        key="mount_angle",
+    )
+    gravity: Scalar = quantity(
+        "acceleration", "g", default=9.8, low=0, key="gravity", flag="gravity"
+    )
+    gravity_direction: Scalar = quantity(
+        "angle", "where gravity points", default=-math.pi / 2, key="gravity_direction"
+    )
+    ramp_time: float = quantity(
+        "time",
+        "of each period, in which the arm moves",
+        default=5.0,
+        low=0,
+        above=True,
+        key="ramp_time",
+        static=True,
+    )
+    period: float = quantity(
+        "time", "between new targets", default=10.0, low=0, above=True, key="period", static=True
+    )
 
     targets_per_period = 3
+    usual_directions = "does"
+    usual_hand = "two-joint"
 
-    def __init__(
-        self,
-        lengths: Joints = (200.0, 200.0, 0.0),
-        rest: Joints = (0.0, math.pi / 4, 0.0),
-        low: Joints = (-math.pi / 4, 0.0, 0.0),
-        high: Joints = (math.pi / 4, math.pi / 2, 0.0),
-        mount_angle: Scalar = -math.pi / 2,
-        gravity: Scalar = 9.8,
-        gravity_direction: Scalar = -math.pi / 2,
-        ramp_time: float = 5.0,
-        period: float = 10.0,
-    ):
-        named = {"lengths": lengths, "rest": rest, "low": low, "high": high}
-        for name, values in named.items():
-            if len(values) != 3:
-                raise ValueError(f"{name} has {len(values)} values: an arm has three joints")
-            for k, value in enumerate(values, start=1):
-                check_finite(f"{name} of joint {k}", value)
+    def __check_init__(self) -> None:
         for k in range(3):
-            check_between(f"lengths of joint {k + 1}", lengths[k], 0.0, math.inf)
-            check_between(f"high - low of joint {k + 1}", high[k] - low[k], 0.0, math.inf)
-        check_finite("mount_angle", mount_angle)
-        check_finite("gravity", gravity)
-        check_between("gravity", gravity, 0.0, math.inf)
-        check_finite("gravity_direction", gravity_direction)
-        check_positive("period", period)
-        check_positive("ramp_time", ramp_time)
-        check_between("ramp_time", ramp_time, 0.0, period)
-        fiftieths = 50 * ramp_time / period
+            span = self.high[k] - self.low[k]
+            check_between(f"high - low of joint {k + 1}", span, 0.0, math.inf)
+        check_between("ramp_time", self.ramp_time, 0.0, self.period)
+        fiftieths = 50 * self.ramp_time / self.period
         if abs(fiftieths - round(fiftieths)) > 1e-9:
             raise ValueError(
-                f"ramp_time is {ramp_time:g}: it has to be a whole number of fiftieths of the "
-                f"period, {period:g}"
+                f"ramp_time is {self.ramp_time:g}: it has to be a whole number of fiftieths of the "
+                f"period, {self.period:g}"
             )
-        self.lengths, self.rest, self.low, self.high = lengths, rest, low, high
-        self.mount_angle = mount_angle
-        self.gravity = gravity
-        self.gravity_direction = gravity_direction
-        self.ramp_time = float(ramp_time)
-        self.period = float(period)
+
+    def usual_radius(self, palm_length: Scalar) -> Scalar:
+        """The paper's circle, whatever the palm."""
+        return 50.0
 
     def swing(self, before: Float[Array, "3"], draws: Float[Array, "3"], first: Flag) -> Gesture:
         """The period that follows the draws `before` with `draws`, both uniform on [0, 1).
@@ -182,6 +194,12 @@ class PlanarArm(eqx.Module):
             heading = heading + joint
             points.append(points[-1] + Vec(jnp.cos(heading), jnp.sin(heading)) * length)
         return tuple(points), heading - math.pi / 2
+
+    def carriage(self, swing: Gesture, time: Scalar) -> Carriage:
+        """The arm in the world."""
+        joints, turn = self.pose(swing, time)
+        down = self.gravity_direction
+        return Carriage(joints, turn, Vec(jnp.cos(down), jnp.sin(down)) * self.gravity)
 
     def top_speed(self, reach: float) -> float:
         """About the highest speed of an object in a hand of length `reach`, for plain numbers."""

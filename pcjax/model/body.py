@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+import math
+from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
+import numpy as np
+from jaxtyping import Float
 
-from pcjax.checks import check_finite, check_positive, check_radians
-from pcjax.planar import Scalar
+from pcjax.components import Component, Registry, quantity
+from pcjax.planar import Scalar, Vec
+
+BODIES: Registry[Body] = Registry("body", "pcjax.bodies")
+"""The objects that study files and flags can name."""
+
+register_body = BODIES.register
 
 
-class Body(Protocol):
+class Body(Component):
     """What an object tells about itself. How it moves is in `pcjax.physics.step.move_body`.
 
     Attributes:
@@ -19,19 +27,33 @@ class Body(Protocol):
         width: the narrowest gap that it fits through, a length.
         turns: whether its angle is part of the state. Its `orientation` is then the angle from the
             palm at the start of a trial, radians.
+        longest_step: the longest step, s, that accuracy allows whatever the speed.
+        usual_max_steps: the limit in steps of 0.001 s unless one is given; None for the drive's.
+        noun: what messages call it, before its radius.
     """
 
-    @property
-    def radius(self) -> Scalar: ...
+    turns: ClassVar[bool] = False
+    longest_step: ClassVar[float] = math.inf
+    usual_max_steps: ClassVar[int | None] = None
+    noun: ClassVar[str] = "object of radius"
+
+    if TYPE_CHECKING:  # for a field or a property of the subclass
+        radius: Scalar = eqx.field(init=False)
 
     @property
-    def width(self) -> Scalar: ...
+    def width(self) -> Scalar:
+        """The narrowest gap that it fits through, a length."""
+        raise NotImplementedError
 
-    @property
-    def turns(self) -> bool: ...
+    def outline(self) -> tuple[tuple[Vec, ...], Scalar]:
+        """Its corners seen from its centre, in its own axes, and the radius by which they are
+        rounded: unless a body says otherwise, a circle."""
+        zero = 0.0 * self.radius
+        return (Vec(zero, zero),), self.radius
 
 
-class Circle(eqx.Module):
+@register_body("circle")
+class Circle(Body):
     """A circle of radius r_o. Its mass M_o cancels from the indices; it is kept for energies.
 
     Arguments:
@@ -50,16 +72,18 @@ class Circle(eqx.Module):
         ValueError: radius is -1: it has to be above 0
     """
 
-    radius: Scalar
-    mass: Scalar
+    radius: Scalar = quantity(
+        "length",
+        "r_o",
+        low=0,
+        above=True,
+        key="radius",
+        flag="radius",
+        usual="0.05 L_p on the wrist, 50 on the arm",
+    )
+    mass: Scalar = quantity("mass", "M_o", default=1.0, low=0, above=True)
 
-    turns = False
-
-    def __init__(self, radius: Scalar, mass: Scalar = 1.0):
-        check_positive("radius", radius)
-        check_positive("mass", mass)
-        self.radius = radius
-        self.mass = mass
+    noun = "circle of radius"
 
     @property
     def width(self) -> Scalar:
@@ -75,7 +99,8 @@ thinner than anything else in the paper's settings.
 """
 
 
-class Stick(eqx.Module):
+@register_body("stick")
+class Stick(Body):
     """A thin uniform rod: half length r_o, moment of inertia I = M_o r_o^2 / 3, no thickness.
 
     Arguments:
@@ -94,23 +119,31 @@ class Stick(eqx.Module):
         833.3
     """
 
-    half_length: Scalar
-    orientation: Scalar
-    mass: Scalar
+    half_length: Scalar = quantity(
+        "length",
+        "r_o, its half length",
+        low=0,
+        above=True,
+        key="radius",
+        flag="radius",
+        usual="0.05 L_p on the wrist, 50 on the arm",
+    )
+    orientation: Scalar = quantity(
+        "angle",
+        "its angle from the palm at the start",
+        default=0.0,
+        key="orientation",
+        flag="orientation",
+    )
+    mass: Scalar = quantity("mass", "M_o", default=1.0, low=0, above=True)
 
     turns = True
-
-    def __init__(self, half_length: Scalar, orientation: Scalar = 0.0, mass: Scalar = 1.0):
-        check_positive("half_length", half_length)
-        check_finite("orientation", orientation)
-        check_radians({"orientation": orientation})
-        check_positive("mass", mass)
-        self.half_length = half_length
-        self.orientation = orientation
-        self.mass = mass
+    longest_step = 0.01
+    usual_max_steps = 180_000
+    noun = "stick of half length"
 
     @property
-    def radius(self) -> Scalar:
+    def radius(self) -> Scalar:  # pyright: ignore[reportIncompatibleVariableOverride]
         """r_o, by a circle's name for it: that of the circle that the stick can turn in."""
         return self.half_length
 
@@ -128,3 +161,26 @@ class Stick(eqx.Module):
     def width(self) -> Scalar:
         """The narrowest gap that it fits through: any, endwise."""
         return 0.0 * self.half_length
+
+    def outline(self) -> tuple[tuple[Vec, ...], Scalar]:
+        """Its two ends, not rounded."""
+        zero = 0.0 * self.half_length
+        return (Vec(-self.half_length, zero), Vec(self.half_length, zero)), zero
+
+
+def placed_outline(
+    body: Body, centre: Float[np.ndarray, "2"], angle: float | None = None
+) -> tuple[Float[np.ndarray, "corners 2"], float]:
+    """Where a body's corners are, and the radius by which they are rounded, for plain numbers.
+
+    Arguments:
+        body: what.
+        centre: where its centre is.
+        angle: of its axes, radians; its orientation at the start unless given.
+    """
+    if angle is None:
+        angle = float(getattr(body, "orientation", 0.0))
+    corners, rounding = body.outline()
+    own = np.array([[float(corner.x), float(corner.y)] for corner in corners])
+    c, s = math.cos(angle), math.sin(angle)
+    return centre + own @ np.array([[c, s], [-s, c]]), float(rounding)

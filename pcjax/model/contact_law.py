@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from pcjax.checks import check_between, check_finite
+from pcjax.components import Component, quantity
 from pcjax.planar import Scalar
 
 
-class ContactLaw(eqx.Module):
+def _none_if_hard(smoothing: Scalar | None) -> Scalar | None:
+    # Zero width has no leaf: the compiled hard contact carries nothing of the smoothed one.
+    return None if isinstance(smoothing, (int, float)) and smoothing == 0 else smoothing
+
+
+class ContactLaw(Component):
     """Hard or smoothed contact with restitution.
 
     | field | unit | usual | what it does |
@@ -35,27 +39,19 @@ class ContactLaw(eqx.Module):
         1.0
     """
 
-    restitution: Scalar
-    resting_speed: Scalar
-    smoothing: Scalar | None
-
-    def __init__(
-        self,
-        restitution: Scalar = 0.1,
-        resting_speed: Scalar = 0.05,
-        smoothing: Scalar | None = None,
-    ):
-        check_between("restitution", restitution, 0.0, 1.0)
-        check_finite("resting_speed", resting_speed)
-        check_between("resting_speed", resting_speed, 0.0, float("inf"))
-        self.restitution = restitution
-        self.resting_speed = resting_speed
-        if smoothing is not None:
-            check_between("smoothing", smoothing, 0.0, float("inf"))
-        # Zero width has no leaf: the compiled hard contact carries nothing of the smoothed one.
-        self.smoothing = (
-            None if isinstance(smoothing, (int, float)) and smoothing == 0 else smoothing
-        )
+    restitution: Scalar = quantity(
+        "1", "e_r in (7)", default=0.1, low=0, high=1, key="restitution", flag="restitution"
+    )
+    resting_speed: Scalar = quantity(
+        "speed", "slower impacts are inelastic", default=0.05, low=0, key="resting_speed"
+    )
+    smoothing: Scalar | None = quantity(
+        "length",
+        "half width of the layer over which contact switches on",
+        default=None,
+        low=0,
+        converter=_none_if_hard,
+    )
 
     def switch(self, penetration: Scalar) -> Scalar:
         """How far contact is on, from 0 to 1."""

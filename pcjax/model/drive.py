@@ -4,34 +4,70 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from pcjax.checks import check_between, check_finite, check_positive
-from pcjax.model.motion import Motion
+from pcjax.checks import check_between
+from pcjax.components import Component, Registry, quantity
+from pcjax.model.motion import Carry, Motion
 from pcjax.planar import Flag, Mirror, Scalar, Vec, where
 
+DRIVES: Registry[Drive] = Registry("drive", "pcjax.drives")
+"""What moves the hand, as study files and flags can name it."""
 
-class Drive(Protocol):
+register_drive = DRIVES.register
+
+
+class Carriage(eqx.Module):
+    """Where a drive has taken the hand at a time, to be drawn.
+
+    Attributes:
+        joints: places in the world from the drive's base to the palm's middle, the last one.
+        turn: the angle by which the hand's axes are turned against the world's, radians.
+        pull: gravity, in the world's axes.
+        tilt: angles (T1, T2) of a wrist, radians.
+    """
+
+    joints: tuple[Vec, ...]
+    turn: Scalar
+    pull: Vec
+    tilt: Vec | None = None
+
+
+class Drive(Component):
     """What moves the hand: where it is and where gravity points, at each instant of a trial.
 
     A trial's life is cut into periods. `swing` turns a period's random draws into numbers, once;
-    `fly` is called in every step and looks the motion up in them.
+    `fly` is called in every step and looks the motion up in them. Every drive has a static field
+    `period`, seconds.
 
     Attributes:
         targets_per_period: how many draws a period takes.
-        period: seconds; a static field, and so is every other number that decides which code runs.
+        steady_in_between: whether gravity is all that changes, and `steady` and `steady_interval`
+            say how: then trials can leap from event to event.
+        longest_step: the longest step, s, that accuracy allows whatever the speed.
+        usual_max_steps: the limit in steps of 0.001 s unless one is given.
+        usual_directions: "both" or "does", where a hand has both and none is asked for.
+        usual_hand: the kind of hand unless one is given.
     """
 
-    @property
-    def targets_per_period(self) -> int: ...
+    targets_per_period: ClassVar[int]
+    steady_in_between: ClassVar[bool] = False
+    longest_step: ClassVar[float] = 0.02
+    usual_max_steps: ClassVar[int] = 300_000
+    usual_directions: ClassVar[str] = "both"
+    usual_hand: ClassVar[str] = "box"
 
-    @property
-    def period(self) -> float: ...
+    if TYPE_CHECKING:  # for a field or a property of the subclass
+        period: float = eqx.field(init=False)
+
+    def usual_radius(self, palm_length: Scalar) -> Scalar:
+        """The object's radius unless one is given: 0.05 L_p."""
+        return 0.05 * palm_length
 
     def swing(self, before: Array, draws: Array, first: Flag) -> Any:
         """The period that follows the draws `before` with `draws`, as a pytree of numbers.
@@ -40,7 +76,7 @@ class Drive(Protocol):
             before, draws: uniform on [0, 1), of shape (targets_per_period,).
             first: whether the trial begins, so that `before` says nothing.
         """
-        ...
+        raise NotImplementedError
 
     def fly(self, swing: Any, position: Vec, velocity: Vec, time: Scalar, dt: Scalar) -> Motion:
         """Free motion over the step from `time` to `time + dt` (s) of a period.
@@ -55,14 +91,27 @@ class Drive(Protocol):
         Returns:
             The end of the step, in the hand's axes there; with a `carry` if the hand moves.
         """
-        ...
+        raise NotImplementedError
 
     def top_speed(self, reach: float) -> float:
         """About the highest speed of an object in a hand of length `reach`, for plain numbers.
 
         The automatic step follows from it.
         """
-        ...
+        raise NotImplementedError
+
+    def carriage(self, swing: Any, time: Scalar) -> Carriage:
+        """Where the hand is at a time of a period, for pictures: unless a drive says otherwise,
+        where it always was, with the pull that an object at rest in its middle feels."""
+        zero = 0.0 * time
+        still = Vec(zero, zero)
+        return Carriage(
+            (still,), zero, self.fly(swing, still, still, time, 1e-3 + zero).acceleration
+        )
+
+    def mirrored(self, mirror: Mirror) -> Drive:
+        """The drive as it is seen in a mirror that is fixed to the hand."""
+        return MirroredDrive(self, mirror)
 
 
 class Pull(eqx.Module):
@@ -81,7 +130,8 @@ class Swing(eqx.Module):
     held: Vec
 
 
-class WristTilt(eqx.Module):
+@register_drive("wrist")
+class WristTilt(Drive):
     """The wrist manipulator of Sec. 3.3: it tilts the hand's plane, the hand itself stays put.
 
     In every period both angles move at uniform speed from where they are to new targets
@@ -110,33 +160,33 @@ class WristTilt(eqx.Module):
         4.90 0.00
     """
 
-    amplitude: Scalar
-    gravity: Scalar
-    ramp_time: float = eqx.field(static=True)
-    period: float = eqx.field(static=True)
-    turned: Vec
+    amplitude: Scalar = quantity(
+        "angle", "largest tilt", default=math.pi / 6, low=0, high=math.pi / 2, key="amplitude"
+    )
+    gravity: Scalar = quantity(
+        "acceleration", "g", default=9.8, low=0, key="gravity", flag="gravity"
+    )
+    ramp_time: float = quantity(
+        "time",
+        "of each period, in which the wrist turns",
+        default=1.0,
+        low=0,
+        above=True,
+        key="ramp_time",
+        static=True,
+    )
+    period: float = quantity(
+        "time", "between new targets", default=10.0, low=0, above=True, key="period", static=True
+    )
+    turned: Vec = eqx.field(default_factory=lambda: Vec(1.0, 0.0))
 
     targets_per_period = 2
+    steady_in_between = True
+    longest_step = 0.04
+    usual_max_steps = 600_000
 
-    def __init__(
-        self,
-        amplitude: Scalar = math.pi / 6,
-        gravity: Scalar = 9.8,
-        ramp_time: float = 1.0,
-        period: float = 10.0,
-        turned: Vec | None = None,
-    ):
-        check_between("amplitude", amplitude, 0.0, math.pi / 2)
-        check_finite("gravity", gravity)
-        check_between("gravity", gravity, 0.0, math.inf)
-        check_positive("period", period)
-        check_positive("ramp_time", ramp_time)
-        check_between("ramp_time", ramp_time, 0.0, period)
-        self.amplitude = amplitude
-        self.gravity = gravity
-        self.ramp_time = float(ramp_time)
-        self.period = float(period)
-        self.turned = Vec(1.0, 0.0) if turned is None else turned
+    def __check_init__(self) -> None:
+        check_between("ramp_time", self.ramp_time, 0.0, self.period)
 
     def mirrored(self, mirror: Mirror) -> WristTilt:
         """The wrist as it is seen in a mirror that is fixed to the hand.
@@ -200,6 +250,12 @@ class WristTilt(eqx.Module):
             mean,
         )
 
+    def carriage(self, swing: Swing, time: Scalar) -> Carriage:
+        """The hand stays put; gravity is what turns."""
+        zero = 0.0 * time
+        tilt = self.tilt(swing, time)
+        return Carriage((Vec(zero, zero),), zero, self._gravity_at(tilt), tilt)
+
     def tilt(self, swing: Swing, time: Scalar) -> Vec:
         """The angles (T1, T2) at a time of a period."""
         share = jnp.minimum(time / self.ramp_time, 1.0)
@@ -222,3 +278,106 @@ class WristTilt(eqx.Module):
         y = -self.gravity * jnp.cos(tilt.x) * jnp.sin(tilt.y)
         c, s = self.turned.x, self.turned.y
         return Vec(x * c - y * s, x * s + y * c)
+
+
+class WrappedDrive(Drive):
+    """A drive that does as another one does, but for what its subclass says.
+
+    Arguments:
+        drive: the other one.
+    """
+
+    drive: Drive
+
+    @property
+    def targets_per_period(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """As the drive's, as are all others."""
+        return self.drive.targets_per_period
+
+    @property
+    def period(self) -> float:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Seconds."""
+        return self.drive.period
+
+    @property
+    def longest_step(self) -> float:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Seconds."""
+        return self.drive.longest_step
+
+    @property
+    def usual_max_steps(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Steps of 0.001 s."""
+        return self.drive.usual_max_steps
+
+    @property
+    def usual_directions(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """ "both" or "does"."""
+        return self.drive.usual_directions
+
+    @property
+    def usual_hand(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """A kind."""
+        return self.drive.usual_hand
+
+    def usual_radius(self, palm_length: Scalar) -> Scalar:
+        """A length."""
+        return self.drive.usual_radius(palm_length)
+
+    def swing(self, before: Array, draws: Array, first: Flag) -> Any:
+        """As the drive's."""
+        return self.drive.swing(before, draws, first)
+
+    def fly(self, swing: Any, position: Vec, velocity: Vec, time: Scalar, dt: Scalar) -> Motion:
+        """As the drive's."""
+        return self.drive.fly(swing, position, velocity, time, dt)
+
+    def top_speed(self, reach: float) -> float:
+        """As the drive's."""
+        return self.drive.top_speed(reach)
+
+    def carriage(self, swing: Any, time: Scalar) -> Carriage:
+        """As the drive's."""
+        return self.drive.carriage(swing, time)
+
+
+class MirroredDrive(WrappedDrive):
+    """A drive as it is seen in a mirror that is fixed to the hand; exact for every drive.
+
+    The hand for EoEn has its fingertips mirrored across the line through their joints (Fig. 8(b)).
+    That is the real hand seen in this mirror: the object's box is the mirror image of the hand's
+    body and the fingertips are the real ones. So gravity and the hand's motion have to be seen in
+    it as well.
+
+    Arguments:
+        drive: the hand's.
+        mirror: in the hand frame.
+    """
+
+    mirror: Mirror
+
+    def fly(self, swing: Any, position: Vec, velocity: Vec, time: Scalar, dt: Scalar) -> Motion:
+        """The image of the drive's free motion."""
+        mirror = self.mirror
+        real = self.drive.fly(swing, mirror.point(position), mirror.vector(velocity), time, dt)
+        carry = None
+        if real.carry is not None:
+            # The hand's velocity where the image of the origin is.
+            carry = Carry(mirror.vector(real.carry.at(mirror.origin)), -real.carry.spin)
+        return Motion(
+            mirror.point(real.position),
+            mirror.vector(real.velocity),
+            mirror.vector(real.acceleration),
+            carry,
+        )
+
+    def top_speed(self, reach: float) -> float:
+        """About the highest speed of an object in a hand of length `reach`, for plain numbers."""
+        # The image of the palm is twice the hand away from where the drive moves it.
+        return self.drive.top_speed(3.0 * reach)
+
+    def carriage(self, swing: Any, time: Scalar) -> Carriage:
+        """
+        Raises:
+            ValueError: always; the world of the mirror is nowhere to be seen.
+        """
+        raise ValueError("a hand that is carried about cannot be drawn as seen in a mirror")

@@ -13,12 +13,10 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from pcjax.checks import check_between
-from pcjax.model.arm import PlanarArm
-from pcjax.model.body import Body, Circle, Stick
+from pcjax.model.body import Body
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import Drive, WristTilt
 from pcjax.model.hand import Goal, HandDesign
-from pcjax.model.mirrored import MirroredDrive
 from pcjax.planar import (
     Flag,
     Scalar,
@@ -63,6 +61,7 @@ class Scenario(eqx.Module):
 
     Raises:
         ValueError: a start spread out of range.
+        TypeError: something that is no hand, body, drive or contact law.
 
     Examples:
         >>> import jax.numpy as jnp, pcjax
@@ -88,11 +87,22 @@ class Scenario(eqx.Module):
         law: ContactLaw | None = None,
         start_spread: Scalar = 0.1,
     ):
+        drive = WristTilt() if drive is None else drive
+        law = ContactLaw() if law is None else law
+        for name, value, kind in (
+            ("hand", hand, HandDesign),
+            ("body", body, Body),
+            ("drive", drive, Drive),
+            ("law", law, ContactLaw),
+        ):
+            if not isinstance(value, kind):
+                what = f"the class {value.__name__}" if isinstance(value, type) else repr(value)
+                raise TypeError(f"{name} is {what}: it has to be a {kind.__name__}")
         check_between("start_spread", start_spread, 0.0, 1.0)
         self.hand = hand
         self.body = body
-        self.drive = WristTilt() if drive is None else drive
-        self.law = ContactLaw() if law is None else law
+        self.drive = drive
+        self.law = law
         self.start_spread = start_spread
 
     def world(self) -> World:
@@ -257,9 +267,8 @@ def check_geometry(scenario: Scenario) -> float:
             "outside; shorten it or change a joint angle"
         )
     if found.fit.clearance < _slack(scenario):
-        shape = "stick of half length" if isinstance(scenario.body, Stick) else "circle of radius"
         raise ValueError(
-            f"the {shape} {float(scenario.body.radius):g} does not fit at its start "
+            f"the {scenario.body.noun} {float(scenario.body.radius):g} does not fit at its start "
             f"near the palm's ends (it overlaps a limb by {-found.fit.clearance:.3g}): "
             + _advice(scenario)
         )
@@ -280,10 +289,8 @@ def _advice(scenario: Scenario) -> str:
     """What would let the object start inside the hand, found by trying."""
 
     def starts(spread: float, shrunk: float = 1.0) -> bool:
-        radius = scenario.body.radius
-        other = eqx.tree_at(lambda s: s.start_spread, scenario, spread)
-        if shrunk != 1.0:
-            other = replace(other, body=Circle(radius * shrunk))
+        body = scenario.body if shrunk == 1.0 else scenario.body.scaled(shrunk)
+        other = replace(scenario, body=body, start_spread=spread)
         fit = _concrete(other).fit
         return bool(fit.clearance >= _slack(other) and not fit.outside)
 
@@ -350,10 +357,8 @@ def eoen(
             f"EoEn is not defined for this hand: {problem}; evaluate with direction 'does'"
         )
     drive = WristTilt() if drive is None else drive
-    mirror = hand.tip_mirror()
-    own = getattr(drive, "mirrored", None)
-    drive = MirroredDrive(drive, mirror) if own is None else own(mirror)
-    return Scenario(hand.with_fingertips_mirrored(), body, drive, law, start_spread)
+    mirrored = drive.mirrored(hand.tip_mirror())
+    return Scenario(hand.with_fingertips_mirrored(), body, mirrored, law, start_spread)
 
 
 def why_no_eoen(hand: HandDesign) -> str:
@@ -388,10 +393,16 @@ def _seen_from_outside(
     return hand.gap(), mirrored.gap(), mirrored.crossings()
 
 
-def default_direction(hand: HandDesign, drive: Drive) -> str:
-    """What is evaluated unless a direction is asked for: both where the hand has both; in a hand
-    that an arm carries DoEs alone, as in the paper (Sec. 3.6)."""
-    return "does" if isinstance(drive, PlanarArm) or why_no_eoen(hand) else "both"
+def usual_max_steps(body: Body, drive: Drive) -> int:
+    """The limit in steps of 0.001 s unless one is given; the paper's for what is in the paper."""
+    return body.usual_max_steps or drive.usual_max_steps
+
+
+def default_direction(hand: HandDesign, drive: Drive) -> tuple[str, str]:
+    """What is evaluated unless a direction is asked for, and why EoEn is not, if so: both where the
+    hand has both; in a hand that an arm carries DoEs alone, as in the paper (Sec. 3.6)."""
+    missing = why_no_eoen(hand)
+    return ("does" if missing else drive.usual_directions), missing
 
 
 DIRECTIONS = {"does": does, "eoen": eoen}

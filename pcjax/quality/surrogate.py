@@ -40,7 +40,7 @@ from pcjax.engines.event import EventDriven
 from pcjax.engines.lanes import Lanes
 from pcjax.engines.relaxation import Layer, relaxed_survival
 from pcjax.engines.stepping import Stepping
-from pcjax.model.body import Body, Circle
+from pcjax.model.body import Body
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import Drive
 from pcjax.model.hand import HandDesign
@@ -169,7 +169,7 @@ class Surrogate:
                 f"max_steps is {self.task.max_steps}: a surrogate's limit has to be a whole number "
                 f"of periods of {round(self.task.drive.period / PAPER_DT)} steps"
             )
-        if self.form == "cloud" and not isinstance(self.task.body, Circle):
+        if self.form == "cloud" and self.task.body.turns:
             raise ValueError("form 'cloud' knows circles only: take 'horizon' for a stick")
 
     @property

@@ -1,20 +1,20 @@
-"""A study file (TOML): a hand, what it has to hold, how it is tried, and what is swept."""
+"""Reads a study file (TOML)."""
 
 from __future__ import annotations
 
 import itertools
 import math
 import os
+import re
 import tomllib
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import MISSING, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from pcjax import paper
 from pcjax.checks import (
     InputWarning,
     check_between,
@@ -23,323 +23,44 @@ from pcjax.checks import (
     doubts_of_degrees,
     one_line,
 )
-from pcjax.design.space import DesignSpace, parameter
+from pcjax.components import Component, Quantity, Registry, quantities
 from pcjax.engines.choice import ENGINES
-from pcjax.evaluate import default_max_steps
 from pcjax.files import read_plain
-from pcjax.model.arm import PlanarArm
-from pcjax.model.body import Circle, Stick
+from pcjax.model.body import BODIES, Body
 from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import WristTilt
-from pcjax.model.hand import HandDesign, box_hand, two_joint_hand
-from pcjax.model.scenario import DIRECTIONS, Scenario, default_direction
+from pcjax.model.drive import DRIVES, Drive
+from pcjax.model.hand import HandDesign
+from pcjax.model.presets import HANDS
+from pcjax.study.spec import MOST_CONDITIONS, Run, Study, Sweep
 
-MOST_CONDITIONS = 100_000
-"""Of a sweep."""
+C = TypeVar("C", bound=Component)
+T = TypeVar("T")
 
-_WRIST, _ARM, _LAW = WristTilt(), PlanarArm(), ContactLaw()
-
-
-@dataclass(frozen=True)
-class Run:
-    """How a hand is tried.
-
-    Arguments:
-        direction: "does", "eoen" or "both"; unless given, both for a hand that has both.
-        trials: for each direction; the most of them where a precision is asked for.
-        max_steps: limit in steps of 0.001 s; the paper's unless given.
-        seed: trial i depends on (seed, i) alone.
-        start_spread: of the starts, in palm lengths.
-        engine: "auto", "event" or "stepping".
-        dt: the solver's step, s; chosen by the engine unless given.
-        precision: 32 or 64 bits.
-        precision_target: in a sweep, a condition has trials enough once half its 95 % interval is
-            this share of its score (of index 1 where there is no score).
-
-    Raises:
-        ValueError: a name or number out of range.
-    """
-
-    direction: str | None = None
-    trials: int = paper.TRIALS
-    max_steps: int | None = None
-    seed: int = 0
-    start_spread: float = 0.1
-    engine: str = "auto"
-    dt: float | None = None
-    precision: int = 32
-    precision_target: float | None = None
-
-    def __post_init__(self) -> None:
-        for name, value, names in (
-            ("direction", self.direction, (None, *DIRECTIONS, "both")),
-            ("engine", self.engine, ENGINES),
-            ("precision", self.precision, (32, 64)),
-        ):
-            if value not in names:
-                allowed = ", ".join(str(n) for n in names if n is not None)
-                raise ValueError(f"{name} is {value!r}: it has to be one of {allowed}")
-        check_count("trials", self.trials, 2, 2**31 - 1)
-        if self.max_steps is not None:
-            check_count("max_steps", self.max_steps, 1, 2**31 - 1)
-        check_count("seed", self.seed, 0, 2**32 - 1)
-        check_between("start_spread", self.start_spread, 0.0, 1.0)
-        if self.dt is not None:
-            check_between("dt", self.dt, 1e-6, 1.0)
-        if self.precision_target is not None:
-            check_between("precision_target", self.precision_target, 1e-4, 1.0)
+EXAMPLE = (Path(__file__).parent / "example.toml").read_text(encoding="utf-8")
+"""A commented study that runs; `pcjax study --example` prints it."""
 
 
-@dataclass(frozen=True)
-class Sweep:
-    """Which numbers are swept, and through what.
-
-    Arguments:
-        values: of each number by its name.
-        zipped: whether the first values of all go together, then the second, and so on; else every
-            value of one goes with every value of the others.
-
-    Raises:
-        ValueError: nothing to sweep, a value twice, lists of unequal length to be zipped, or far
-            too many conditions.
-    """
-
-    values: Mapping[str, tuple[float, ...]]
-    zipped: bool = False
-
-    def __post_init__(self) -> None:
-        if not self.values:
-            raise ValueError("[sweep] is empty: name a number and its values")
-        for name, values in self.values.items():
-            if not values:
-                raise ValueError(f"[sweep] {name} has no values")
-            if not self.zipped and len(set(values)) < len(values):
-                raise ValueError(f"[sweep] {name} has a value twice")
-        lengths = {name: len(values) for name, values in self.values.items()}
-        if self.zipped and len(set(lengths.values())) > 1:
-            told = ", ".join(f"{name} {n}" for name, n in lengths.items())
-            raise ValueError(f"[sweep] values that go together have to be as many each: {told}")
-        if self.count > MOST_CONDITIONS:
-            told = " x ".join(map(str, lengths.values()))
-            raise ValueError(
-                f"[sweep] is {told} = {self.count:,} conditions: the most is {MOST_CONDITIONS:,}"
-            )
-
-    @property
-    def count(self) -> int:
-        """How many conditions."""
-        lengths = [len(values) for values in self.values.values()]
-        return lengths[0] if self.zipped else math.prod(lengths)
-
-    def points(self) -> list[dict[str, float]]:
-        """The swept numbers of each condition, the last of them changing fastest."""
-        lines = self.values.values()
-        rows = zip(*lines, strict=True) if self.zipped else itertools.product(*lines)
-        return [dict(zip(self.values, row, strict=True)) for row in rows]
+def _line_of(text: str, problem: str) -> int | None:
+    """The line, from 1, of what is wrong: of the key that the message names after its table, or of
+    the table's header."""
+    named = re.search(r"\[(\w+)\](?: ([\w-]+))?", problem)
+    table, key = (
+        named.groups() if named else ("", problem.removeprefix("unknown key ").split(":")[0])
+    )
+    inside, header_at = table == "", None
+    for number, line in enumerate(text.splitlines(), start=1):
+        header = re.match(r"\s*\[\s*([\w-]+)\s*\]", line)
+        if header:
+            inside = header.group(1) == table
+            if inside or (not table and header.group(1) == key):
+                header_at = number
+        elif inside and key and re.match(rf"\s*[\"']?{re.escape(key)}[\"']?\s*[=.]", line):
+            return number
+    return header_at
 
 
-@dataclass(frozen=True)
-class Study:
-    """A hand, its object, its drive, the contact law, how it is tried, and what is swept."""
-
-    hand: HandDesign
-    body: Circle | Stick
-    drive: WristTilt | PlanarArm
-    law: ContactLaw
-    run: Run = field(default_factory=Run)
-    sweep: Sweep | None = None
-
-    @property
-    def directions(self) -> tuple[str, ...]:
-        """Of "does" and "eoen", those to be evaluated."""
-        chosen = self.run.direction
-        if chosen is None:
-            chosen = default_direction(self.hand, self.drive)
-        return tuple(DIRECTIONS) if chosen == "both" else (chosen,)
-
-    @property
-    def max_steps(self) -> int:
-        """The limit, in steps of 0.001 s."""
-        given = self.run.max_steps
-        return default_max_steps(self.body, self.drive) if given is None else given
-
-    def scenarios(self) -> dict[str, Scenario]:
-        """The scenario in each direction.
-
-        Raises:
-            ValueError: EoEn of a hand that has none.
-        """
-        return {
-            d: DIRECTIONS[d](self.hand, self.body, self.drive, self.law, self.run.start_spread)
-            for d in self.directions
-        }
-
-    def conditions(self) -> list[tuple[dict[str, float], Study]]:
-        """The swept numbers of each condition, and its study.
-
-        Raises:
-            ValueError: nothing is swept, or an unknown name.
-        """
-        if self.sweep is None:
-            raise ValueError("the study sweeps nothing: it has no [sweep]")
-        return [(point, self.having(point)) for point in self.sweep.points()]
-
-    def having(self, values: Mapping[str, float]) -> Study:
-        """This study with other numbers, by the names that `[sweep]` knows.
-
-        Raises:
-            ValueError: an unknown name, or a number out of range.
-        """
-        study = replace(self, sweep=None)
-        for name, value in values.items():
-            study = _setter(study, name)(study, value)
-        return study
-
-    def to_toml(self) -> str:
-        """The study as a file's text; lengths in model units, angles in degrees."""
-        return "\n\n".join(_text_of(name, table) for name, table in _tables(self).items()) + "\n"
-
-
-def _tidy(radians: Any) -> float:
-    return round(math.degrees(float(radians)), 9)
-
-
-def _tables(study: Study) -> dict[str, dict[str, Any]]:
-    """A study as the tables of its file."""
-    hand, body, drive, law, run = study.hand, study.body, study.drive, study.law, study.run
-    tables: dict[str, dict[str, Any]] = {
-        "hand": {
-            "palm_length": float(hand.palm_length),
-            "lengths": [[float(x) for x in row] for row in hand.lengths],
-            "angles_deg": [[_tidy(x) for x in row] for row in hand.angles],
-        },
-        "body": {
-            "kind": "stick" if isinstance(body, Stick) else "circle",
-            "radius": float(body.radius),
-        },
-    }
-    if isinstance(body, Stick):
-        tables["body"]["orientation_deg"] = _tidy(body.orientation)
-    if isinstance(drive, WristTilt):
-        tables["drive"] = {"kind": "wrist", "amplitude_deg": _tidy(drive.amplitude)}
-    else:
-        tables["drive"] = {
-            "kind": "arm",
-            "lengths": [float(x) for x in drive.lengths],
-            "rest_deg": [_tidy(x) for x in drive.rest],
-            "low_deg": [_tidy(x) for x in drive.low],
-            "high_deg": [_tidy(x) for x in drive.high],
-            "mount_angle_deg": _tidy(drive.mount_angle),
-            "gravity_direction_deg": _tidy(drive.gravity_direction),
-        }
-    tables["drive"] |= {
-        "gravity": float(drive.gravity),
-        "ramp_time": drive.ramp_time,
-        "period": drive.period,
-    }
-    tables["contact"] = {
-        "restitution": float(law.restitution),
-        "resting_speed": float(law.resting_speed),
-    }
-    tables["run"] = {k: v for k, v in vars(run).items() if v is not None}
-    if study.sweep is not None:
-        mode = {"mode": "zip"} if study.sweep.zipped else {}
-        tables["sweep"] = mode | {k: list(v) for k, v in study.sweep.values.items()}
-    return tables
-
-
-def _text_of(name: str, table: Mapping[str, Any]) -> str:
-    lines = [f'{k} = "{v}"' if isinstance(v, str) else f"{k} = {v!r}" for k, v in table.items()]
-    return "\n".join([f"[{name}]", *lines])
-
-
-# ------------------------------------------------------------------------- what can be swept
-
-_Setter = Callable[[Study, float], Study]
-
-
-def _set_palm(study: Study, value: float) -> Study:
-    hand = HandDesign(value, study.hand.lengths, study.hand.angles)
-    return replace(study, hand=hand)
-
-
-def _set_radius(study: Study, value: float) -> Study:
-    body = study.body
-    stick = isinstance(body, Stick)
-    return replace(study, body=Stick(value, body.orientation) if stick else Circle(value))
-
-
-def _set_orientation(study: Study, value: float) -> Study:
-    return replace(study, body=Stick(study.body.radius, math.radians(value)))
-
-
-def _set_drive(name: str) -> _Setter:
-    def set(study: Study, value: float) -> Study:
-        value = math.radians(value) if name.endswith("_deg") else value
-        return replace(study, drive=replace(study.drive, **{name.removesuffix("_deg"): value}))
-
-    return set
-
-
-def _set_law(name: str) -> _Setter:
-    return lambda study, value: replace(study, law=replace(study.law, **{name: value}))
-
-
-def _set_spread(study: Study, value: float) -> Study:
-    return replace(study, run=replace(study.run, start_spread=value))
-
-
-_SETTERS: dict[str, _Setter] = {
-    "palm_length": _set_palm,
-    "radius": _set_radius,
-    "orientation_deg": _set_orientation,
-    **{name: _set_drive(name) for name in ("gravity", "amplitude_deg", "ramp_time", "period")},
-    **{name: _set_law(name) for name in ("restitution", "resting_speed")},
-    "start_spread": _set_spread,
-}
-
-
-def _set_hand(name: str) -> _Setter:
-    def set(study: Study, value: float) -> Study:
-        free = replace(parameter(name, study.hand), low=-math.inf, high=math.inf)
-        hand = DesignSpace(study.hand, (free,), 0.0, float(study.body.width)).hand([value])
-        return replace(study, hand=hand)
-
-    return set
-
-
-def _setter(study: Study, name: str) -> _Setter:
-    """How a number is changed by its name.
-
-    Raises:
-        ValueError: there is no such number in the study.
-    """
-    wrist, stick = isinstance(study.drive, WristTilt), isinstance(study.body, Stick)
-    if name in _SETTERS and (wrist or name != "amplitude_deg"):
-        if stick or name != "orientation_deg":
-            return _SETTERS[name]
-        raise ValueError(f"{name}: a circle has no orientation")
-    bare = name.removesuffix("_deg")
-    try:
-        found = parameter(bare, study.hand)
-    except ValueError as error:
-        told = [n for n in _SETTERS if wrist or n != "amplitude_deg"]
-        usual = ["fingertip_angle_deg", "fingertip_length", "gap_width"]
-        usual += ["joint_angle_1_deg", "link_length_1"]
-        hint = did_you_mean(name, [*usual, *told])
-        if not hint and "there is no parameter" not in str(error):
-            raise
-        raise ValueError(
-            f"there is no {name} to be swept: {hint}there are {', '.join([*usual, *told])}; "
-            "_1 or _2 after fingertip_angle, fingertip_length: of one finger; joint_angle_IJ_deg, "
-            "link_length_IJ: joint J of finger I"
-        ) from None
-    if found.label != name:
-        raise ValueError(f"there is no {name} to be swept: did you mean {found.label}?")
-    return _set_hand(bare)
-
-
-# -------------------------------------------------------------------------------- reading
+def _keys(component: type[Component]) -> list[str]:
+    return [what.file_key for what in quantities(component).values() if what.key]
 
 
 def load_study(path: str | os.PathLike[str]) -> Study:
@@ -367,24 +88,64 @@ def load_study(path: str | os.PathLike[str]) -> Study:
         >>> study.body.radius  # 0.05 L_p unless said
         20.0
     """
-    path = Path(path)
+    study, doubts = read_study(path)
+    for doubt in doubts:
+        warnings.warn(f"{path}: {doubt}", InputWarning, stacklevel=2)
+    return study
+
+
+def read_study(
+    path: str | os.PathLike[str] | None,
+    instead: Mapping[str, Mapping[str, Any]] | None = None,
+) -> tuple[Study, list[str]]:
+    """A study, and what is strange about its angles.
+
+    Arguments:
+        path: of the file; None for a study of what is usual.
+        instead: tables whose keys take the place of those in the file. A number of a hand that the
+            file gives as two chains changes these chains.
+
+    Raises:
+        ValueError: as `load_study`.
+    """
+    data, text = ({}, "") if path is None else _tables(Path(path))
+    hand = data.get("hand", {})
+    chains = isinstance(hand, dict) and "lengths" in hand
+    numbers: dict[str, Any] = {}
+    for table, keys in (instead or {}).items():
+        if table == "hand" and chains and "preset" not in keys:
+            numbers |= keys
+        elif isinstance(data.setdefault(table, {}), dict):
+            data[table] = data[table] | keys
+    reader = _Reader(data)
+    try:
+        study = reader.study()
+    except ValueError as error:
+        line = _line_of(text, str(error))
+        where = "" if path is None else f"{path}, line {line}: " if line else f"{path}: "
+        raise ValueError(f"{where}{one_line(error)}") from None
+    for key, value in numbers.items():
+        if not _is_number(value):
+            raise ValueError(f"[hand] {key} does not apply to a hand of two chains")
+        study = replace(study.having({key: value}), sweep=study.sweep)
+    return study, reader.doubts
+
+
+def _tables(path: Path) -> tuple[dict[str, Any], str]:
+    """A file's tables and its text."""
     content = read_plain(path)
     try:
-        data = tomllib.loads(content.decode())
+        text = content.decode("utf-8-sig")  # with or without a byte order mark
+        data = tomllib.loads(text)
     except UnicodeDecodeError as error:
         raise ValueError(f"{path} cannot be read: {one_line(error)}") from None
     except RecursionError:
         raise ValueError(f"{path} is no study: its lists are nested too deeply") from None
     except ValueError as error:  # of TOML, or of a number with thousands of digits
         raise ValueError(f"{path} is no TOML: {one_line(error)}") from None
-    reader = _Reader(data)
-    try:
-        study = reader.study()
-    except ValueError as error:
-        raise ValueError(f"{path}: {one_line(error)}") from None
-    for doubt in reader.doubts:
-        warnings.warn(f"{path}: {doubt}", InputWarning, stacklevel=2)
-    return study
+    if not data:
+        raise ValueError(f"{path} is empty: 'pcjax study --example' prints what may be in it")
+    return data, text
 
 
 class _Reader:
@@ -403,7 +164,7 @@ class _Reader:
     def study(self) -> Study:
         self.known("", self.data, ("hand", "body", "drive", "contact", "run", "sweep"))
         drive = self.drive()
-        hand = self.hand(isinstance(drive, WristTilt))
+        hand = self.hand(drive)
         study = Study(hand, self.body(hand, drive), drive, self.law(), self.run())
         sweep = self.sweep()
         if sweep is not None:
@@ -416,28 +177,13 @@ class _Reader:
         study.scenarios()
         return replace(study, sweep=sweep)
 
-    def hand(self, wrist: bool) -> HandDesign:
-        preset = self.word("hand", "preset", ("box", "two-joint"), None)
+    def hand(self, drive: Drive) -> HandDesign:
         given = self.table("hand")
+        preset = self.word("hand", "preset", HANDS.kinds(), None)
         if preset is None and "lengths" not in given and "angles_deg" not in given:
-            preset = "box" if wrist else "two-joint"
-        if preset == "box":
-            names = ("fingertip_length", "gap_width", "side_length")
-            self.table("hand", ("preset", "palm_length", "fingertip_angle_deg", *names))
-            return box_hand(
-                math.radians(self.number("hand", "fingertip_angle_deg", paper.BEST_ANGLE_DEG)),
-                palm_length=self.number("hand", "palm_length", paper.WRIST_PALM_LENGTH),
-                **{name: self.optional("hand", name) for name in names},
-            )
-        if preset == "two-joint":
-            self.table("hand", ("preset", "palm_length", "joint_angles_deg", "link_lengths"))
-            angles = self.numbers("hand", "joint_angles_deg", 2, paper.ARM_JOINT_ANGLES_DEG)
-            lengths = self.numbers("hand", "link_lengths", 2, paper.ARM_FINGER)
-            return two_joint_hand(
-                *(math.radians(angle) for angle in angles),
-                palm_length=self.number("hand", "palm_length", paper.ARM_PALM_LENGTH),
-                lengths=(lengths[0], lengths[1]),
-            )
+            preset = drive.usual_hand
+        if preset is not None:
+            return self.sound("hand", self.component("hand", HANDS, "preset", preset, {}).design)
         self.table("hand", ("palm_length", "lengths", "angles_deg"))
         lengths, degrees = self.rows("lengths"), self.rows("angles_deg")
         angles = [tuple(math.radians(x) for x in row) for row in degrees]
@@ -447,54 +193,77 @@ class _Reader:
                     f"[hand] finger {finger + 1} has {len(lengths[finger])} lengths and "
                     f"{len(angles[finger])} angles: as many of either"
                 )
-        return HandDesign(
-            self.number("hand", "palm_length"),
-            (tuple(lengths[0]), tuple(lengths[1])),
-            (angles[0], angles[1]),
-        )
+        palm = self.number("hand", "palm_length")
+        fingers = (tuple(lengths[0]), tuple(lengths[1])), (angles[0], angles[1])
+        return self.sound("hand", lambda: HandDesign(palm, *fingers))
 
-    def body(self, hand: HandDesign, drive: WristTilt | PlanarArm) -> Circle | Stick:
-        kind = self.word("body", "kind", ("circle", "stick"), "circle")
-        given = self.table("body", ("kind", "radius", "orientation_deg"))
-        if kind == "circle" and "orientation_deg" in given:
-            raise ValueError("[body] orientation_deg does not apply to a circle")
-        wrist = isinstance(drive, WristTilt)
-        usual = 0.05 * float(hand.palm_length) if wrist else paper.ARM_RADIUS
-        radius = self.number("body", "radius", usual)
-        if kind == "circle":
-            return Circle(radius)
-        return Stick(radius, math.radians(self.number("body", "orientation_deg", 0.0)))
+    def component(
+        self, where: str, registry: Registry[C], key: str, kind: str, usual: Mapping[str, Any]
+    ) -> C:
+        """A table as a component of that kind.
 
-    def drive(self) -> WristTilt | PlanarArm:
-        kind = self.word("drive", "kind", ("wrist", "arm"), "wrist")
-        usual: WristTilt | PlanarArm = _WRIST if kind == "wrist" else _ARM
-        given: dict[str, Any] = {
-            name: self.number("drive", name, float(getattr(usual, name)))
-            for name in ("gravity", "ramp_time", "period")
+        Arguments:
+            where: the table.
+            registry: of its sort.
+            key: under which the table says the kind.
+            kind: which.
+            usual: values of parameters, by name, that have no default of their own.
+        """
+        chosen = registry[kind]
+        known = {what.file_key: what for what in quantities(chosen).values() if what.key}
+        for other in self.table(where):
+            if other in (key, *known):
+                continue
+            kinds = [k for k in registry.kinds() if other in _keys(registry[k])]
+            if kinds:
+                raise ValueError(
+                    f"[{where}] {other} does not apply to the {registry.noun} {kind}: it belongs "
+                    f"to {' and '.join(kinds)}"
+                )
+        table = self.table(where, (key, *known))
+        given: dict[str, Any] = {}
+        for name, what in known.items():
+            if name in table:
+                given[what.name] = self.value(where, name, what)
+            elif what.name in usual:
+                given[what.name] = usual[what.name]
+            elif what.default is MISSING:
+                raise ValueError(f"[{where}] {name} is missing")
+        return self.sound(where, lambda: chosen(**given))
+
+    def value(self, where: str, key: str, what: Quantity) -> Any:
+        """A parameter as Python has it."""
+        count = what.count
+        value = self.number(where, key) if count is None else self.numbers(where, key, count)
+        self.sound(where, lambda: what.in_file().check(value))
+        return what.from_file(value)
+
+    def sound(self, where: str, make: Callable[[], T]) -> T:
+        """What is made, or an error that names the table."""
+        try:
+            return make()
+        except ValueError as error:
+            raise ValueError(f"[{where}] {error}") from None
+
+    def body(self, hand: HandDesign, drive: Drive) -> Body:
+        kind = self.word("body", "kind", BODIES.kinds(), "circle")
+        size = drive.usual_radius(float(hand.palm_length))
+        usual = {
+            what.name: size
+            for what in quantities(BODIES[kind]).values()
+            if what.key == "radius" and what.default is MISSING
         }
-        if isinstance(usual, WristTilt):
-            self.table("drive", ("kind", "amplitude_deg", *given))
-            tilt = self.number("drive", "amplitude_deg", _tidy(usual.amplitude))
-            return WristTilt(math.radians(tilt), **given)
-        angles = ("rest_deg", "low_deg", "high_deg")
-        directions = ("mount_angle_deg", "gravity_direction_deg")
-        self.table("drive", ("kind", "lengths", *angles, *directions, *given))
-        for name in angles:
-            own = tuple(map(_tidy, getattr(usual, name.removesuffix("_deg"))))
-            three = self.numbers("drive", name, 3, own)
-            given[name.removesuffix("_deg")] = tuple(map(math.radians, three))
-        for name in directions:
-            value = self.number("drive", name, _tidy(getattr(usual, name.removesuffix("_deg"))))
-            given[name.removesuffix("_deg")] = math.radians(value)
-        lengths = self.numbers("drive", "lengths", 3, tuple(map(float, usual.lengths)))
-        return PlanarArm((lengths[0], lengths[1], lengths[2]), **given)
+        return self.component("body", BODIES, "kind", kind, usual)
+
+    def drive(self) -> Drive:
+        kind = self.word("drive", "kind", DRIVES.kinds(), "wrist")
+        return self.component("drive", DRIVES, "kind", kind, {})
 
     def law(self) -> ContactLaw:
-        names = ("restitution", "resting_speed")
-        self.table("contact", names)
-        return ContactLaw(
-            *(self.number("contact", name, float(getattr(_LAW, name))) for name in names)
-        )
+        known = {what.file_key: what for what in quantities(ContactLaw).values() if what.key}
+        table = self.table("contact", tuple(known))
+        given = {known[key].name: self.value("contact", key, known[key]) for key in table}
+        return self.sound("contact", lambda: ContactLaw(**given))
 
     def run(self) -> Run:
         usual = Run()
@@ -577,11 +346,8 @@ class _Reader:
             self.known(f"[{name}] ", found, keys)
         return found
 
-    def optional(self, where: str, key: str) -> float | None:
-        return self.number(where, key) if key in self.table(where) else None
-
-    def number(self, where: str, key: str, default: float | None = None) -> float:
-        value = self.table(where).get(key, default)
+    def number(self, where: str, key: str) -> float:
+        value = self.table(where).get(key)
         if value is None:
             raise ValueError(f"[{where}] {key} is missing")
         if not _is_number(value):
@@ -606,10 +372,8 @@ class _Reader:
             )
         return value
 
-    def numbers(
-        self, where: str, key: str, count: int, default: Sequence[float]
-    ) -> tuple[float, ...]:
-        value = self.table(where).get(key, list(default))
+    def numbers(self, where: str, key: str, count: int) -> tuple[float, ...]:
+        value = self.table(where)[key]
         if not isinstance(value, list) or len(value) != count or not all(map(_is_number, value)):
             raise ValueError(
                 f"[{where}] {key} is {value!r}: it has to be a list of {count} numbers"
@@ -643,51 +407,3 @@ def _float(value: float) -> float:
         return float(value)
     except OverflowError:
         return math.inf if value > 0 else -math.inf
-
-
-EXAMPLE = """\
-# A study. Lengths are in model units, angles in degrees, times in seconds. Whatever is left out is
-# as in the paper. `pcjax evaluate` and `pcjax optimize` take the hand as it is written here,
-# `pcjax sweep` goes through [sweep].
-
-[hand]
-# A preset:
-#   preset = "box"              # the paper's box hand: palm_length, fingertip_angle_deg,
-#                               # fingertip_length, gap_width, side_length
-#   preset = "two-joint"        # its hand for the arm: palm_length, joint_angles_deg, link_lengths
-# or any two chains, finger 1 on the left, finger 2 on the right: the links from the palm outwards,
-# and the angle of the joint before each (0: straight on; positive: inwards).
-palm_length = 500.0
-lengths = [[500.0, 150.0, 120.0], [420.0, 190.0, 80.0]]
-angles_deg = [[90.0, 90.0, 75.0], [85.0, 95.0, 60.0]]
-
-[body]
-kind = "circle"                 # or "stick", with orientation_deg
-radius = 25.0                   # of a stick: its half length
-
-[drive]
-kind = "wrist"                  # tilts the hand; or "arm", which carries it about
-amplitude_deg = 30.0            # largest tilt
-gravity = 9.8
-ramp_time = 1.0                 # of each period, in which the hand turns
-period = 10.0
-
-[contact]
-restitution = 0.1
-
-[run]
-direction = "both"              # DoEs and EoEn, and so the score; or "does" or "eoen"
-trials = 200                    # for each condition and direction; the paper has 5000
-max_steps = 60_000              # limit, steps of 0.001 s; the paper has 600_000
-seed = 0
-# precision_target = 0.01       # stop a condition once its score is known to 1 % (95 %)
-
-[sweep]
-# Each name with a list or a range. Also: fingertip_length, gap_width, joint_angle_IJ_deg,
-# link_length_IJ (joint J of finger I), palm_length, orientation_deg, gravity, amplitude_deg,
-# ramp_time, period, restitution, resting_speed, start_spread.
-# mode = "zip"                  # first with first, second with second; else all with all
-fingertip_angle_1_deg = { from = 0, to = 30, step = 15 }
-radius = [15.0, 25.0]
-"""
-"""A commented study that runs; `pcjax study --example` prints it."""

@@ -31,10 +31,7 @@ from tqdm import tqdm
 from pcjax.checks import check_between
 from pcjax.engines.choice import safe_step
 from pcjax.engines.recording import Frames, Recording, pick_trial, record
-from pcjax.evaluate import default_max_steps
-from pcjax.model.arm import PlanarArm
-from pcjax.model.drive import WristTilt
-from pcjax.model.scenario import Scenario, check_geometry
+from pcjax.model.scenario import Scenario, check_geometry, usual_max_steps
 from pcjax.physics.step import INVALID, PASSED
 from pcjax.viz.scene import draw_scene
 from pcjax.viz.shapes import COLOURS
@@ -130,7 +127,7 @@ def animate(
         )
     check_geometry(scenario)
     if max_steps is None:
-        max_steps = default_max_steps(scenario.body, scenario.drive)
+        max_steps = usual_max_steps(scenario.body, scenario.drive)
     dt = safe_step(scenario) if dt is None else dt
     if trial is None:
         trial = pick_trial(scenario, pick, seed=seed, max_steps=max_steps, dt=dt, progress=progress)
@@ -186,9 +183,8 @@ class _Film:
     def __init__(self, recording: Recording, times: np.ndarray, speed: float, title: str):
         self._recording, self._speed, self._title = recording, speed, title
         self._frames = recording.at(times)
-        drive = recording.scenario.drive
-        assert isinstance(drive, (WristTilt, PlanarArm))
-        self._gravity = float(drive.gravity)
+        pull = float(np.hypot(*self._frames.pull.T).max())
+        self._gravity = float(getattr(recording.scenario.drive, "gravity", pull))
         self._low, self._high = self._extent()
         width, height = self._high - self._low
         # Room for the pictures' text above, and for the dial on the right.

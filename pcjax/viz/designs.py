@@ -17,7 +17,7 @@ from pcjax.design.compare import compare
 from pcjax.design.optimize import Optimum
 from pcjax.design.score_map import score_name, shapes
 from pcjax.design.space import DesignSpace
-from pcjax.model.body import Stick
+from pcjax.model.body import placed_outline
 from pcjax.model.hand import points_of
 from pcjax.quality.surrogate import Surrogate
 from pcjax.viz.shapes import COLOURS, draw_object
@@ -60,8 +60,7 @@ def draw_hands(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrog
         )
     scenario = surrogate.task.scenarios(space.hand(found.best))[0]
     centre, body = jax.device_get(scenario.corner_start()), scenario.body
-    angle = float(body.orientation) if isinstance(body, Stick) else None
-    draw_object(axis, (centre.x, centre.y), float(body.radius), angle)
+    draw_object(axis, *placed_outline(body, np.array([centre.x, centre.y], float)))
     axis.set_aspect("equal")
     axis.margins(0.08)
     axis.set(xlabel="x [model length]", ylabel="y [model length]", title="hand")

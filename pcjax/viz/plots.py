@@ -32,16 +32,14 @@ def plot_evaluation(evaluation: Evaluation) -> Figure:
 def draw_hand(axis: Axes, evaluation: Evaluation, direction: str) -> None:
     """The limbs, the gap, the goal line and the object at a start, to scale."""
     data = evaluation.dataset.sel(direction=direction)
-    radius = float(evaluation.dataset.attrs["radius"])
     for x0, y0, x1, y1 in data.limbs.values:
         axis.plot([x0, x1], [y0, y1], color="black", lw=2, solid_capstyle="round")
     ax, ay, bx, by = data.goal.values
     axis.plot([ax, bx], [ay, by], color=COLOURS[2], ls="--", lw=1.5, label="goal line")
     draw_object(
         axis,
-        data.start.values,
-        radius,
-        evaluation.dataset.attrs.get("orientation"),
+        data.outline.values,
+        float(data.outline.attrs["rounding"]),
         colour=_DIRECTION_COLOUR[direction],
         label="object",
     )

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pcjax.engines.recording import Frames, Recording, record
+from pcjax.model.body import placed_outline
 from pcjax.model.scenario import Scenario
 from pcjax.physics.step import PAPER_DT
 from pcjax.viz.shapes import COLOURS, draw_object
@@ -66,7 +67,7 @@ def draw_scene(axis: Axes, recording: Recording, frames: Frames, k: int) -> None
     axis.plot(*frames.in_world(recording.goal, k).T, color=COLOURS[2], ls="--", lw=1.2, zorder=2)
     centre = frames.in_world(frames.position[k : k + 1], k)[0]
     angle = None if frames.angle is None else frames.angle[k] + frames.turn[k]
-    draw_object(axis, centre, float(recording.scenario.body.radius), angle)
+    draw_object(axis, *placed_outline(recording.scenario.body, centre, angle))
 
 
 def _draw_sideways_pull(axis: Axes, frames: Frames, k: int, length: float) -> None:

@@ -1,0 +1,275 @@
+"""Things that describe themselves: each parameter of a hand, body, drive or contact law, once.
+
+A component is a class whose fields are declared with `quantity`. From the declarations come its
+checks, the study file's reader and writer, the names that can be swept, the command line's flags
+with their help, what results keep of it, and the tables in the docs. A `Registry` finds the classes
+of a sort by their kind; `pip` can add some, through an entry point of the registry's group.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import MISSING, dataclass, fields, replace
+from importlib.metadata import entry_points
+from typing import Any, Generic, Literal, Self, TypeVar, cast, dataclass_transform
+
+import equinox as eqx
+import jax
+
+from pcjax.checks import check_between, check_finite, check_positive, check_radians, did_you_mean
+
+Unit = Literal["length", "angle", "time", "speed", "acceleration", "rate", "mass", "1"]
+
+_IN_WORDS = {
+    "length": "model units",
+    "angle": "degrees",
+    "time": "s",
+    "speed": "length / s",
+    "acceleration": "length / s^2",
+    "rate": "1 / s",
+    "mass": "any unit",
+    "1": "",
+}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What one parameter of a component is.
+
+    Attributes:
+        unit: in Python; angles are radians there, and degrees in files and on the command line.
+        help: what it is, in a few words.
+        default: unless given; MISSING where the study says what is usual or it has to be given.
+        low, high: the allowed range.
+        above: whether `low` itself is not allowed.
+        count: of how many numbers it consists; None for one number.
+        each: what one of several is called.
+        key: its name in study files, without the unit; "" if it is none of theirs.
+        flag: its name on the command line; "" if it has none.
+        usual: in words, what it is unless given, where that is no number of its own.
+        name: of the field.
+        static: whether another value compiles anew.
+    """
+
+    unit: Unit
+    help: str
+    default: Any = MISSING
+    low: float = -math.inf
+    high: float = math.inf
+    above: bool = False
+    count: int | None = None
+    each: str = "number"
+    key: str = ""
+    flag: str = ""
+    usual: str = ""
+    name: str = ""
+    static: bool = False
+
+    @property
+    def file_key(self) -> str:
+        """Its name in a study file: angles are in degrees and say so."""
+        return self.key + ("_deg" if self.key and self.unit == "angle" else "")
+
+    @property
+    def unit_in_words(self) -> str:
+        """As files and the command line have it."""
+        return _IN_WORDS[self.unit]
+
+    def from_file(self, value: Any) -> Any:
+        """What is written in a file or a flag, as Python has it."""
+        if self.count is not None:
+            return tuple(map(replace(self, count=None).from_file, value))
+        return math.radians(value) if self.unit == "angle" else value
+
+    def to_file(self, value: Any) -> Any:
+        """The value as files and the command line have it."""
+        if self.count is not None:
+            return [replace(self, count=None).to_file(one) for one in value]
+        number = float(value)
+        return round(math.degrees(number), 9) if self.unit == "angle" else number
+
+    def in_file(self) -> Quantity:
+        """The same as files and the command line have it, by its name there."""
+        if self.unit != "angle":
+            return replace(self, name=self.file_key)
+        low, high = (round(math.degrees(bound), 9) for bound in (self.low, self.high))
+        return replace(self, name=self.file_key, low=low, high=high)
+
+    def check(self, value: Any) -> None:
+        """
+        Raises:
+            ValueError: it is out of range. Traced values are not looked at.
+        """
+        if value is None:
+            return
+        if self.count is None:
+            self._check_one(self.name, value)
+            return
+        if len(value) != self.count:
+            raise ValueError(
+                f"{self.name} has {len(value)} values: there are {self.count} {self.each}s"
+            )
+        for k, one in enumerate(value, start=1):
+            self._check_one(f"{self.name} of {self.each} {k}", one)
+
+    def _check_one(self, name: str, value: Any) -> None:
+        if self.above and self.low == 0 and self.high == math.inf:
+            check_positive(name, value)
+            return
+        check_finite(name, value)
+        if (self.low, self.high) != (-math.inf, math.inf):
+            check_between(name, value, self.low, self.high)
+
+
+def quantity(
+    unit: Unit,
+    help: str,
+    *,
+    default: Any = MISSING,
+    default_factory: Any = MISSING,
+    converter: Callable[[Any], Any] | None = None,
+    static: bool = False,
+    **more: Any,
+) -> Any:
+    """Declares a field of a component; see `Quantity` for what can be said of it."""
+    declared = Quantity(unit, help, default, static=static, **more)
+    given: dict[str, Any] = {"metadata": {"quantity": declared}, "static": static}
+    if default is not MISSING:
+        given["default"] = default
+    if default_factory is not MISSING:
+        given["default_factory"] = default_factory
+    if static and converter is None:
+        converter = float
+    if converter is not None:
+        given["converter"] = converter
+    return eqx.field(**given)
+
+
+@functools.cache
+def quantities(component: type[Component]) -> Mapping[str, Quantity]:
+    """The declared parameters of a class of components, by the names of its fields."""
+    return {
+        f.name: replace(f.metadata["quantity"], name=f.name)
+        for f in fields(component)
+        if "quantity" in f.metadata
+    }
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(quantity, eqx.field))
+class Component(eqx.Module):
+    """A thing that describes itself: its fields are declared with `quantity`."""
+
+    def __check_init__(self) -> None:
+        declared = quantities(type(self))
+        for name, what in declared.items():
+            what.check(getattr(self, name))
+        check_radians({n: getattr(self, n) for n, q in declared.items() if q.unit == "angle"})
+
+    def in_file(self) -> dict[str, Any]:
+        """Its parameters by their names in study files; what is not set is left out."""
+        return {
+            what.file_key: what.to_file(value)
+            for name, what in quantities(type(self)).items()
+            if what.key and (value := getattr(self, name)) is not None
+        }
+
+    def having(self, **changes: Any) -> Self:
+        """The same thing with other parameters, which are checked."""
+        return replace(self, **changes)
+
+    def scaled(self, factor: float) -> Self:
+        """The same thing with every length that many times as large."""
+        lengths = [n for n, q in quantities(type(self)).items() if q.unit == "length"]
+        return replace(
+            self,
+            **{n: jax.tree.map(lambda x: x * factor, getattr(self, n)) for n in lengths},
+        )
+
+
+C = TypeVar("C", bound=Component)
+T = TypeVar("T", bound=type)
+
+
+class Registry(Generic[C]):
+    """The classes of one sort of components by their kind, as study files and flags name them.
+
+    Arguments:
+        noun: what they are, for messages.
+        group: of entry points, through which installed packages add kinds.
+
+    Examples:
+        >>> from pcjax.model.body import BODIES, Circle
+        >>> BODIES["circle"] is Circle
+        True
+        >>> BODIES["crcle"]
+        Traceback (most recent call last):
+        ValueError: there is no body crcle: did you mean circle? there are circle, stick
+    """
+
+    def __init__(self, noun: str, group: str):
+        self.noun, self.group = noun, group
+        self._classes: dict[str, type[C]] = {}
+
+    def register(self, kind: str) -> Callable[[T], T]:
+        """A decorator that adds a class under a kind; a class of the same name replaces its own.
+
+        Raises:
+            ValueError: the kind is taken.
+        """
+
+        def add(component: T) -> T:
+            other = self._classes.get(kind)
+            if other is not None and other.__qualname__ != component.__qualname__:
+                raise ValueError(f"the {self.noun} {kind} is taken, by {other.__qualname__}")
+            self._classes[kind] = cast(type[C], component)
+            return component
+
+        return add
+
+    def kinds(self) -> tuple[str, ...]:
+        """All kinds, those of installed packages among them."""
+        return tuple(dict.fromkeys([*self._classes, *(e.name for e in self._offered())]))
+
+    def __iter__(self) -> Iterator[type[C]]:
+        return iter([self[kind] for kind in self.kinds()])
+
+    def __getitem__(self, kind: str) -> type[C]:
+        """
+        Raises:
+            ValueError: there is no such kind, or the package that offers it cannot be imported.
+        """
+        if kind not in self._classes:
+            for offer in self._offered():
+                if offer.name == kind:
+                    try:
+                        self._classes.setdefault(kind, offer.load())
+                    except Exception as error:
+                        raise ValueError(
+                            f"the {self.noun} {kind} cannot be loaded from {offer.value}: {error}"
+                        ) from error
+        if kind not in self._classes:
+            hint = did_you_mean(kind, self.kinds())
+            raise ValueError(
+                f"there is no {self.noun} {kind}: {hint}there are {', '.join(self.kinds())}"
+            )
+        return self._classes[kind]
+
+    def kind_of(self, thing: Any) -> str:
+        """The kind of a component, or of a class of them.
+
+        Raises:
+            ValueError: its class is not registered.
+        """
+        wanted = thing if isinstance(thing, type) else type(thing)
+        for kind, component in self._classes.items():
+            if component is wanted:
+                return kind
+        raise ValueError(
+            f"the {self.noun} is a {wanted.__name__}, which no file can name: register the class, "
+            f"with @register_{self.noun.replace(' ', '_')}('...')"
+        )
+
+    def _offered(self) -> Iterable[Any]:
+        return entry_points(group=self.group)

@@ -1,0 +1,240 @@
+"""What a study is: a hand, what it has to hold, how it is tried, and what is swept."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from pcjax.checks import check_between, check_count
+from pcjax.components import Component
+from pcjax.engines.choice import ENGINES
+from pcjax.model.body import BODIES, Body, Circle
+from pcjax.model.contact_law import ContactLaw
+from pcjax.model.drive import DRIVES, Drive, WristTilt
+from pcjax.model.hand import HandDesign
+from pcjax.model.presets import HANDS
+from pcjax.model.scenario import DIRECTIONS, Scenario, default_direction, usual_max_steps
+from pcjax.study.vary import change
+from pcjax.study.write import hand_table, text_of
+
+TRIALS = 5000
+"""Of a condition in a direction unless said otherwise, as in the paper (Sec. 3.2)."""
+
+MOST_CONDITIONS = 100_000
+"""Of a sweep."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """How a hand is tried.
+
+    Arguments:
+        direction: "does", "eoen" or "both"; unless given, both for a hand that has both.
+        trials: for each direction; the most of them where a precision is asked for.
+        max_steps: limit in steps of 0.001 s; the paper's unless given.
+        seed: trial i depends on (seed, i) alone.
+        start_spread: of the starts, in palm lengths.
+        engine: "auto", "event" or "stepping".
+        dt: the solver's step, s; chosen by the engine unless given.
+        precision: 32 or 64 bits.
+        precision_target: in a sweep, a condition has trials enough once half its 95 % interval is
+            this share of its score (of index 1 where there is no score).
+
+    Raises:
+        ValueError: a name or number out of range.
+    """
+
+    direction: str | None = None
+    trials: int = TRIALS
+    max_steps: int | None = None
+    seed: int = 0
+    start_spread: float = 0.1
+    engine: str = "auto"
+    dt: float | None = None
+    precision: int = 32
+    precision_target: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, value, names in (
+            ("direction", self.direction, (None, *DIRECTIONS, "both")),
+            ("engine", self.engine, ENGINES),
+            ("precision", self.precision, (32, 64)),
+        ):
+            if value not in names:
+                allowed = ", ".join(str(n) for n in names if n is not None)
+                raise ValueError(f"{name} is {value!r}: it has to be one of {allowed}")
+        check_count("trials", self.trials, 1, 2**31 - 1)
+        if self.max_steps is not None:
+            check_count("max_steps", self.max_steps, 1, 2**31 - 1)
+        check_count("seed", self.seed, 0, 2**32 - 1)
+        check_between("start_spread", self.start_spread, 0.0, 1.0)
+        if self.dt is not None:
+            check_between("dt", self.dt, 1e-6, 1.0)
+        if self.precision_target is not None:
+            check_between("precision_target", self.precision_target, 1e-4, 1.0)
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Which numbers are swept, and through what.
+
+    Arguments:
+        values: of each number by its name.
+        zipped: whether the first values of all go together, then the second, and so on; else every
+            value of one goes with every value of the others.
+
+    Raises:
+        ValueError: nothing to sweep, a value twice, lists of unequal length to be zipped, or far
+            too many conditions.
+    """
+
+    values: Mapping[str, tuple[float, ...]]
+    zipped: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.values:
+            raise ValueError("[sweep] is empty: name a number and its values")
+        for name, values in self.values.items():
+            if not values:
+                raise ValueError(f"[sweep] {name} has no values")
+            if not self.zipped and len(set(values)) < len(values):
+                raise ValueError(f"[sweep] {name} has a value twice")
+        lengths = {name: len(values) for name, values in self.values.items()}
+        if self.zipped and len(set(lengths.values())) > 1:
+            told = ", ".join(f"{name} {n}" for name, n in lengths.items())
+            raise ValueError(f"[sweep] values that go together have to be as many each: {told}")
+        if self.count > MOST_CONDITIONS:
+            told = " x ".join(map(str, lengths.values()))
+            raise ValueError(
+                f"[sweep] is {told} = {self.count:,} conditions: the most is {MOST_CONDITIONS:,}"
+            )
+
+    @property
+    def count(self) -> int:
+        """How many conditions."""
+        lengths = [len(values) for values in self.values.values()]
+        return lengths[0] if self.zipped else math.prod(lengths)
+
+    def points(self) -> list[dict[str, float]]:
+        """The swept numbers of each condition, the last of them changing fastest."""
+        lines = self.values.values()
+        rows = zip(*lines, strict=True) if self.zipped else itertools.product(*lines)
+        return [dict(zip(self.values, row, strict=True)) for row in rows]
+
+
+@dataclass(frozen=True)
+class Study:
+    """A hand, its object, its drive, the contact law, how it is tried, and what is swept.
+
+    Raises:
+        TypeError: something that is no hand, body, drive or contact law.
+    """
+
+    hand: HandDesign
+    body: Body
+    drive: Drive = field(default_factory=WristTilt)
+    law: ContactLaw = field(default_factory=ContactLaw)
+    run: Run = field(default_factory=Run)
+    sweep: Sweep | None = None
+
+    def __post_init__(self) -> None:
+        Scenario(self.hand, self.body, self.drive, self.law)
+
+    @classmethod
+    def usual(
+        cls,
+        hand: HandDesign | None = None,
+        body: Body | None = None,
+        drive: Drive | None = None,
+        law: ContactLaw | None = None,
+        run: Run | None = None,
+    ) -> Study:
+        """A study in which what is not given is as usual: the paper's wrist, its hand for the
+        drive, and a circle that is as large as the drive's usual one."""
+        drive = WristTilt() if drive is None else drive
+        if hand is None:
+            hand = HANDS[drive.usual_hand]().design()
+        if body is None:
+            body = Circle(drive.usual_radius(hand.palm_length))
+        law = ContactLaw() if law is None else law
+        return cls(hand, body, drive, law, Run() if run is None else run)
+
+    @property
+    def directions(self) -> tuple[str, ...]:
+        """Of "does" and "eoen", those to be evaluated."""
+        return self.directions_and_why()[0]
+
+    def directions_and_why(self) -> tuple[tuple[str, ...], str]:
+        """The directions, and why EoEn is none of them where none was asked for; else ""."""
+        chosen, missing = self.run.direction, ""
+        if chosen is None:
+            chosen, missing = default_direction(self.hand, self.drive)
+        return (tuple(DIRECTIONS) if chosen == "both" else (chosen,)), missing
+
+    @property
+    def max_steps(self) -> int:
+        """The limit, in steps of 0.001 s."""
+        given = self.run.max_steps
+        return usual_max_steps(self.body, self.drive) if given is None else given
+
+    @property
+    def components(self) -> dict[str, Component]:
+        """What moves and is moved, by the tables of a study file."""
+        return {"body": self.body, "drive": self.drive, "contact": self.law}
+
+    def scenarios(self) -> dict[str, Scenario]:
+        """The scenario in each direction.
+
+        Raises:
+            ValueError: EoEn of a hand that has none.
+        """
+        return {
+            d: DIRECTIONS[d](self.hand, self.body, self.drive, self.law, self.run.start_spread)
+            for d in self.directions
+        }
+
+    def conditions(self) -> list[tuple[dict[str, float], Study]]:
+        """The swept numbers of each condition, and its study.
+
+        Raises:
+            ValueError: nothing is swept, or an unknown name.
+        """
+        if self.sweep is None:
+            raise ValueError("the study sweeps nothing: it has no [sweep]")
+        return [(point, self.having(point)) for point in self.sweep.points()]
+
+    def having(self, values: Mapping[str, float]) -> Study:
+        """This study with other numbers, by the names that `[sweep]` knows.
+
+        Raises:
+            ValueError: an unknown name, or a number out of range.
+        """
+        study = replace(self, sweep=None)
+        for name, value in values.items():
+            if name == "start_spread":
+                study = replace(study, run=replace(study.run, start_spread=value))
+                continue
+            hand, parts = change(study.hand, study.components, name, value)
+            body, drive, law = parts["body"], parts["drive"], parts["contact"]
+            study = replace(study, hand=hand, body=body, drive=drive, law=law)
+        return study
+
+    def to_toml(self) -> str:
+        """The study as a file's text; lengths in model units, angles in degrees.
+
+        Raises:
+            ValueError: the body or the drive is of a class that is not registered.
+        """
+        tables = {
+            "hand": hand_table(self.hand),
+            "body": {"kind": BODIES.kind_of(self.body)} | self.body.in_file(),
+            "drive": {"kind": DRIVES.kind_of(self.drive)} | self.drive.in_file(),
+            "contact": self.law.in_file(),
+            "run": {k: v for k, v in vars(self.run).items() if v is not None},
+        }
+        if self.sweep is not None:
+            mode = {"mode": "zip"} if self.sweep.zipped else {}
+            tables["sweep"] = mode | {k: list(v) for k, v in self.sweep.values.items()}
+        return text_of(tables)

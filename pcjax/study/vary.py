@@ -1,0 +1,76 @@
+"""Numbers of a study by their names, and what becomes of it where one is another."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from pcjax.checks import did_you_mean
+from pcjax.components import Component, Quantity, quantities
+from pcjax.design.space import DesignSpace, parameter
+from pcjax.model.body import BODIES
+from pcjax.model.drive import DRIVES
+from pcjax.model.hand import HandDesign
+
+_USUAL_OF_HANDS = (
+    "fingertip_angle_deg",
+    "fingertip_length",
+    "gap_width",
+    "joint_angle_1_deg",
+    "link_length_1",
+)
+
+
+def names(components: Mapping[str, Component]) -> dict[str, tuple[str, Quantity]]:
+    """The single numbers of components by their names in files, each with its table."""
+    return {
+        what.file_key: (table, what)
+        for table, component in components.items()
+        for what in quantities(type(component)).values()
+        if what.key and what.count is None
+    }
+
+
+def change(
+    hand: HandDesign, components: Mapping[str, Component], name: str, value: float
+) -> tuple[HandDesign, dict[str, Any]]:
+    """The hand and the components where the number of that name is another.
+
+    Raises:
+        ValueError: there is no such number, or the value is out of range.
+    """
+    parts: dict[str, Any] = dict(components)
+    if name == "palm_length":
+        return HandDesign(value, hand.lengths, hand.angles), parts
+    known = names(components)
+    if name in known:
+        table, what = known[name]
+        parts[table] = components[table].having(**{what.name: what.from_file(value)})
+        return hand, parts
+    elsewhere = [
+        f"the {registry.noun} {kind}"
+        for registry in (BODIES, DRIVES)
+        for kind in registry.kinds()
+        if any(name == what.file_key for what in quantities(registry[kind]).values())
+    ]
+    if elsewhere:
+        raise ValueError(f"{name} is none of this study's numbers: {', '.join(elsewhere)} has it")
+    bare = name.removesuffix("_deg")
+    try:
+        found = parameter(bare, hand)
+    except ValueError as error:
+        told = [*_USUAL_OF_HANDS, "palm_length", *known, "start_spread"]
+        hint = did_you_mean(name, told)
+        if not hint and "there is no parameter" not in str(error):
+            raise
+        raise ValueError(
+            f"there is no {name} to be swept: {hint}there are {', '.join(told)}; "
+            "_1 or _2 after fingertip_angle, fingertip_length: of one finger; joint_angle_IJ_deg, "
+            "link_length_IJ: joint J of finger I"
+        ) from None
+    if found.label != name:
+        raise ValueError(f"there is no {name} to be swept: did you mean {found.label}?")
+    free = replace(found, low=-math.inf, high=math.inf)
+    return DesignSpace(hand, (free,), 0.0, 0.0).hand([value]), parts

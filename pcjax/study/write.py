@@ -1,0 +1,28 @@
+"""Components as the tables of a study file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from pcjax.model.hand import HandDesign
+
+
+def hand_table(hand: HandDesign) -> dict[str, Any]:
+    """A hand as its table: any two chains."""
+    return {
+        "palm_length": float(hand.palm_length),
+        "lengths": [[float(x) for x in row] for row in hand.lengths],
+        "angles_deg": [[round(math.degrees(float(x)), 9) for x in row] for row in hand.angles],
+    }
+
+
+def text_of(tables: Mapping[str, Mapping[str, Any]]) -> str:
+    """Tables as TOML."""
+    return "\n\n".join(_table(name, table) for name, table in tables.items()) + "\n"
+
+
+def _table(name: str, table: Mapping[str, Any]) -> str:
+    lines = [f'{k} = "{v}"' if isinstance(v, str) else f"{k} = {v!r}" for k, v in table.items()]
+    return "\n".join([f"[{name}]", *lines])
