@@ -24,7 +24,7 @@ from benchmarks import numba_loop, pymunk_scene
 from benchmarks.inputs import as_arrays
 from pcjax import paper
 from pcjax.engines.choice import choose_engine
-from pcjax.evaluate import evaluate_grid
+from pcjax.evaluation import evaluate_grid
 from pcjax.model.body import Circle
 from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen

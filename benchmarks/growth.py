@@ -75,7 +75,7 @@ def chain_hand(limbs: int, gap_width: float) -> Any:
 
 def measure(point: Point) -> Point:
     """Runs one point in this process: seconds, simulated steps and peak memory."""
-    from pcjax.evaluate import evaluate
+    from pcjax.evaluation import evaluate
     from pcjax.model.body import Circle
 
     hand = chain_hand(point["limbs"], point["gap_width"])

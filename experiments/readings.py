@@ -30,7 +30,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 from pcjax import paper
 from pcjax.engines.choice import choose_engine
 from pcjax.engines.ensemble import run
-from pcjax.evaluate import evaluate_grid
+from pcjax.evaluation import evaluate_grid
 from pcjax.figures import Curve, curve, score_curve
 from pcjax.model.body import Circle
 from pcjax.model.contact_law import ContactLaw

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import sys
 import warnings
@@ -12,6 +11,8 @@ from typing import Any
 
 import numpy as np
 from jax.core import Tracer
+
+from pcjax.words import InputWarning
 
 
 def _plain(value: Any) -> float | None:
@@ -61,15 +62,6 @@ def check_count(name: str, value: Any, low: int, high: int) -> None:
         raise ValueError(f"{name} is {value}: it has to lie between {low} and {high}")
 
 
-def one_line(text: object) -> str:
-    """The text with whatever would leave its line, or the printable, written as an escape."""
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(text))
-
-
-class InputWarning(UserWarning):
-    """Input that can be used, but is probably not what was meant."""
-
-
 _WRAPPERS = ("equinox", "jaxtyping", "beartype", "dataclasses")
 """Packages whose frames lie between a constructor and its caller."""
 
@@ -117,9 +109,3 @@ def doubts_of_degrees(name: str, degrees: Iterable[float], *, joints: bool = Fal
 
 def _package_of(frame: FrameType) -> str:
     return frame.f_globals.get("__name__", "").partition(".")[0]
-
-
-def did_you_mean(word: str, names: Iterable[str]) -> str:
-    """Asks "did you mean NAME? " for the nearest of the names; empty if none is near."""
-    near = difflib.get_close_matches(word, list(names), 1, cutoff=0.5)
-    return f"did you mean {near[0]}? " if near else ""

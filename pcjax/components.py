@@ -18,7 +18,8 @@ from typing import Any, Generic, Literal, Self, TypeVar, cast, dataclass_transfo
 import equinox as eqx
 import jax
 
-from pcjax.checks import check_between, check_finite, check_positive, check_radians, did_you_mean
+from pcjax.checks import check_between, check_finite, check_positive, check_radians
+from pcjax.words import did_you_mean
 
 Unit = Literal["length", "angle", "time", "speed", "acceleration", "rate", "mass", "1"]
 
@@ -165,7 +166,14 @@ class Component(eqx.Module):
         declared = quantities(type(self))
         for name, what in declared.items():
             what.check(getattr(self, name))
-        check_radians({n: getattr(self, n) for n, q in declared.items() if q.unit == "angle"})
+        angles: dict[str, Any] = {}
+        for name, what in declared.items():
+            value = getattr(self, name)
+            if what.unit == "angle" and what.count is None:
+                angles[name] = value
+            elif what.unit == "angle":
+                angles |= {f"{name} of {what.each} {k}": v for k, v in enumerate(value, start=1)}
+        check_radians(angles)
 
     def in_file(self) -> dict[str, Any]:
         """Its parameters by their names in study files; what is not set is left out."""

@@ -12,7 +12,7 @@ import xarray as xr
 from jaxtyping import Bool, Float
 
 from pcjax import paper
-from pcjax.evaluate import evaluate_grid
+from pcjax.evaluation import evaluate_grid
 from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Circle, Stick
 from pcjax.model.hand import full_cage
@@ -26,7 +26,7 @@ def run_figure(name: str, **run: Any) -> xr.Dataset:
     Arguments:
         name: one of `pcjax.paper.FIGURE_NAMES`.
         run: `trials`, `max_steps` (the paper's unless given) and others of
-            `pcjax.evaluate.evaluate_grid`.
+            `pcjax.evaluate_grid`.
 
     Raises:
         ValueError: an unknown figure, or a number out of range.

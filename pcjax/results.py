@@ -11,7 +11,6 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -33,9 +32,11 @@ from pcjax.quality.indices import (
     index2,
     mean,
     ratio,
+    ratio_difference,
     survival_curve,
 )
 from pcjax.reading import load_dataset
+from pcjax.words import package_version
 
 WATCHED = {
     "penetration": {
@@ -55,14 +56,6 @@ WATCHED = {
 
 NAMES = {"does": "DoEs", "eoen": "EoEn"}
 """Directions: difficulty of escaping and ease of entering."""
-
-
-def package_version() -> str:
-    """The installed version of pcjax."""
-    try:
-        return version("pcjax")
-    except PackageNotFoundError:
-        return "unknown (not installed)"
 
 
 def parameters(scenario: Scenario) -> dict[str, float]:
@@ -90,9 +83,12 @@ def provenance(run: Mapping[str, Any]) -> dict[str, Any]:
 def replacing(path: Path) -> Iterator[Path]:
     """A new file beside `path` that takes its place once the block is done: whole or not at all.
 
+    Where `path` is a link, what it leads to is replaced.
+
     Raises:
         OSError: it cannot be written; the error names `path`.
     """
+    path = path.resolve() if path.is_symlink() else path
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         os.close(handle)
@@ -390,6 +386,10 @@ class Evaluation:
 
         Trial i was the same experiment for both, so the difference is known better than either.
 
+        Arguments:
+            other: the other hand.
+            direction: "does", "eoen", or "score" for the difference of the scores.
+
         Raises:
             ValueError: the two differ in seed, limit or number of trials.
         """
@@ -403,6 +403,8 @@ class Evaluation:
                     f"{name} is {mine} here and {theirs} there: only runs with the same seed, "
                     "limit and trials can be compared trial by trial"
                 )
+        if direction == "score":
+            return self._score_difference(other)
         valid = self._valid([direction]) & other._valid([direction])
         (steps, stayed), (their_steps, they_stayed) = (
             run._trials(direction, valid) for run in (self, other)
@@ -414,6 +416,17 @@ class Evaluation:
             "index1": mean((steps - their_steps).astype(float), -limit * mine, limit * theirs),
             "index2": mean(stayed.astype(float) - they_stayed.astype(float), -mine, theirs),
         }
+
+    def _score_difference(self, other: Evaluation) -> dict[str, Estimate]:
+        both = list(NAMES)
+        valid = self._valid(both) & other._valid(both)
+        pairs = [[run._trials(d, valid) for d in both] for run in (self, other)]
+        a, b, c, d = (run._caged(direction) for run in (self, other) for direction in both)
+        found = {}
+        for k, (name, most) in enumerate((("index1", self.max_steps), ("index2", 1.0))):
+            mine, theirs = (np.stack([one[k].astype(float) for one in pair]) for pair in pairs)
+            found[name] = ratio_difference(mine, theirs, most, certain=(a, b, c, d))
+        return found
 
     def status(self, direction: str) -> dict[str, int]:
         """How many trials passed, reached the limit, or went wrong."""

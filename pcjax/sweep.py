@@ -25,7 +25,7 @@ from typing import Any
 import jax
 import numpy as np
 import xarray as xr
-from tqdm import tqdm
+from tqdm.auto import tqdm
 
 from pcjax.checks import check_count
 from pcjax.engines.choice import choose_engine
@@ -38,16 +38,9 @@ from pcjax.model.scenario import Scenario, check_geometry
 from pcjax.physics.step import INVALID, PAPER_DT
 from pcjax.quality.indices import Estimate
 from pcjax.reading import load_dataset
-from pcjax.results import (
-    WATCHED,
-    indices_of,
-    package_version,
-    replacing,
-    save_dataset,
-    save_text,
-    score_of,
-)
+from pcjax.results import WATCHED, indices_of, replacing, save_dataset, save_text, score_of
 from pcjax.study.spec import Study
+from pcjax.words import package_version
 
 BLOCK = 1000
 """Trials of a condition in a task."""

@@ -46,7 +46,7 @@ def small_words(line: str) -> list[str]:
         "map": [*SMALL, "--points", "3", "2"],
         "animate": ["--max-steps", "100000", "--seconds", "1"],
     }
-    if words[0] in ("export", "study", "show", "plot"):
+    if words[0] in ("export", "study", "show", "plot", "inspect"):
         return words
     return [*words, *less.get(words[0], SMALL)]
 
@@ -54,7 +54,7 @@ def small_words(line: str) -> list[str]:
 def check_files_written(words: list[str], folder: Path) -> None:
     """The files that a command names are there, and not empty."""
     for k, word in enumerate(words):
-        if word in ("--out", "--plot", "--data"):
+        if word in ("--out", "--plot"):
             assert (folder / words[k + 1]).stat().st_size > 300
 
 

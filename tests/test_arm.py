@@ -265,7 +265,7 @@ def test_entering_is_the_real_hand_seen_in_a_mirror(angles: tuple[float, ...]) -
         ({"lengths": (1.0, -1.0, 0.0)}, "lengths of joint 2"),
         ({"low": (1.0, 0.0, 0.0), "high": (0.5, 0.0, 0.0)}, "high - low of joint 1"),
         ({"rest": (0.0, math.nan, 0.0)}, "rest of joint 2"),
-        ({"lengths": (1.0, 1.0)}, "three joints"),
+        ({"lengths": (1.0, 1.0)}, "there are 3 joints"),
         ({"gravity": -1.0}, "gravity"),
         ({"gravity_direction": math.inf}, "gravity_direction"),
         ({"ramp_time": 11.0}, "ramp_time"),

@@ -8,6 +8,7 @@ import os
 import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -497,7 +498,7 @@ def test_a_start_outside_the_bounds_is_named_and_compared_with(command: Command)
 def test_a_slip_of_units_is_one_line_and_no_failure(
     command: Command, tmp_path: Path, flags: str, words: str
 ):
-    done = command(f"export {flags} --out hand.svg")
+    done = command(f"export {flags} --plot hand.svg")
     assert done.code == 0
     (line,) = done.err.splitlines()
     assert line.startswith(f"pcjax: {words}")
@@ -510,9 +511,7 @@ SMALL_MAP = "map --points 3 2 --trials 20 --max-steps 20_000"
 
 
 def test_a_map_is_one_object_a_picture_and_its_data(command: Command, tmp_path: Path):
-    done = command(
-        f"{SMALL_MAP} --x fingertip-angle=-20:40 --y gap-width=40:200 --json --data m.nc"
-    )
+    done = command(f"{SMALL_MAP} --x fingertip-angle=-20:40 --y gap-width=40:200 --json --out m.nc")
     assert (done.code, done.err.count("\n")) == (0, 1)
     assert "3 of 6 hands" in done.err
     told = json.loads(done.out, parse_constant=lambda text: pytest.fail(f"{text} is not JSON"))
@@ -531,7 +530,7 @@ def test_a_map_is_one_object_a_picture_and_its_data(command: Command, tmp_path: 
 
 
 def test_a_map_of_the_arm_as_text_and_a_table(command: Command, tmp_path: Path):
-    done = command(f"{SMALL_MAP} --scenario arm --objective escape_rate --out m.svg --data m.csv")
+    done = command(f"{SMALL_MAP} --scenario arm --objective escape_rate --plot m.svg --out m.csv")
     assert done.code == 0
     assert re.search(r"^best .*joint_angle_1", done.out, re.MULTILINE)
     assert re.search(r"^current .*joint_angle_1 65 deg", done.out, re.MULTILINE)
@@ -541,7 +540,7 @@ def test_a_map_of_the_arm_as_text_and_a_table(command: Command, tmp_path: Path):
 
 
 def test_animate_says_which_trial_and_when_it_ended(command: Command, tmp_path: Path):
-    line = "animate --gap-width 400 --fingertip-angle -20 --seconds 1 --fps 5 --out film.gif"
+    line = "animate --gap-width 400 --fingertip-angle -20 --seconds 1 --fps 5 --plot film.gif"
     done = command(f"{line} --seed 2 --max-steps 100_000 --dt 0.04")
     assert (done.code, done.err) == (0, "")
     told = re.search(r"trial (\d+) of seed 2 .*escaped in step ([\d,]+)", done.out)
@@ -568,7 +567,7 @@ def test_export_reads_a_study_file(command: Command, tmp_path: Path):
     )
     (tmp_path / "hand.toml").write_text(study.to_toml())
     for ending in ("svg", "dxf"):
-        done = command(f"export hand.toml --thickness 8 --with-object --out hand.{ending}")
+        done = command(f"export hand.toml --thickness 8 --with-object --plot hand.{ending}")
         assert (done.code, done.err) == (0, "")
         by_hand = pcjax.export_hand(
             study.hand, tmp_path / f"own.{ending}", thickness=8, body=study.body
@@ -817,8 +816,8 @@ BAD_OPTIMIZE = [
     refused("optimize missing.toml", "missing.toml"),
 ]
 BAD_DRAWINGS = [
-    refused("animate --out film.avi", "film.avi", ".gif, .mp4, .html"),
-    refused("animate --out missing/film.gif", "missing/film.gif", "folder"),
+    refused("animate --plot film.avi", "film.avi", ".gif, .mp4, .html"),
+    refused("animate --plot missing/film.gif", "missing/film.gif", "folder"),
     refused("animate --pick best", "best", "escaped, stuck, longest"),
     refused("animate --pick stuck --trial 3", "--pick", "--trial"),
     refused("animate --trial -1", "trial", "-1"),
@@ -831,8 +830,8 @@ BAD_DRAWINGS = [
     refused("animate --direction both", "both", "does, eoen"),
     refused("animate --direction eoen --scenario arm", "seen in a mirror"),
     refused("animate --radius 240", "radius 240", "does not fit"),
-    refused("map --out map.doc", "map.doc", "png"),
-    refused("map --data map.xls", "map.xls", ".nc, .csv"),
+    refused("map --plot map.doc", "map.doc", "png"),
+    refused("map --out map.xls", "map.xls", ".nc, .csv"),
     refused("map --x fingertip-angel", "fingertip_angel", "did you mean fingertip_angle"),
     refused("map --x fingertip-length", "--x", "--y", "fingertip_length"),
     refused("map --x joint-angle-3 --y fingertip-angle", "same number"),
@@ -845,7 +844,7 @@ BAD_DRAWINGS = [
     refused("map --max-steps 12345", "12345", "10000"),
     refused("map --y gap-width=10:40 --points 2 2", "no hand on the map"),
     refused("map --objective index3", "index3", "index1"),
-    refused("export --out hand.stl", "hand.stl", ".svg, .dxf"),
+    refused("export --plot hand.stl", "hand.stl", ".svg, .dxf"),
     refused("export --thickness 0", "thickness", "0"),
     refused("export --thickness nan", "thickness", "nan"),
     refused("export --fingertip-length 600 --fingertip-angle 0", "crosses the palm"),
@@ -915,6 +914,97 @@ def test_a_file_that_cannot_be_used_is_refused_before_the_work(
 def test_a_picture_of_the_wrong_kind_leaves_no_data_either(command: Command, tmp_path: Path):
     check_refused(command(f"evaluate {SMALL} --out run.nc --plot hand.doc"), "hand.doc", "png")
     assert not list(tmp_path.iterdir())
+
+
+def test_one_file_cannot_be_two_outputs(command: Command, tmp_path: Path):
+    line = f"{SMALL_MAP} --plot both.png --data both.png"
+    check_refused(command(line), "both.png", "--out and --plot")
+    (tmp_path / "hand.toml").write_text("[hand]\npreset = 'box'\n")
+    check_refused(command("optimize hand.toml --out hand.toml"), "hand.toml", "the study and --out")
+
+
+def test_data_has_to_be_called_what_it_is(command: Command, tmp_path: Path):
+    for line in ("evaluate --out run.csv", "figure 12 --out fig.csv", "optimize --out best.nc"):
+        check_refused(command(line), line.split()[-1], "ending")
+    assert not list(tmp_path.iterdir())
+
+
+def test_earlier_spellings_of_outputs_do_with_a_line(command: Command, tmp_path: Path):
+    done = command(f"{SMALL_MAP} --out m.png --data m.nc")
+    assert done.code == 0
+    assert "pcjax: --out is called --plot now" in done.err.splitlines()
+    assert "pcjax: --data is called --out now" in done.err.splitlines()
+    assert {path.name for path in tmp_path.iterdir()} == {"m.png", "m.nc"}
+    # What map keeps, show prints.
+    assert command("show m.nc").out.splitlines() == done.out.splitlines()[:-1]
+
+
+def test_a_link_stays_and_what_it_leads_to_is_replaced(command: Command, tmp_path: Path):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "run.nc").symlink_to(tmp_path / "folder" / "kept.nc")
+    assert command(f"evaluate {SMALL} --out run.nc").code == 0
+    assert (tmp_path / "run.nc").is_symlink()
+    assert [path.name for path in (tmp_path / "folder").iterdir()] == ["kept.nc"]
+
+
+def test_studies_that_are_empty_or_begin_with_a_byte_order_mark(command: Command, tmp_path: Path):
+    (tmp_path / "empty.toml").write_text("# nothing\n")
+    check_refused(command("evaluate empty.toml"), "empty.toml is empty")
+    (tmp_path / "mark.toml").write_bytes(b"\xef\xbb\xbf[hand]\npreset = 'box'\n")
+    assert command(f"evaluate mark.toml {SMALL}").code == 0
+
+
+def test_a_terminal_without_the_letters_and_a_reader_who_has_seen_enough(tmp_path: Path):
+    line = [sys.executable, "-m", "pcjax", "evaluate", *SMALL.split()]
+    env = os.environ | {"PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(line, env=env, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert " +- " in done.stdout
+    running = subprocess.Popen(
+        line, env=env, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert running.stdout is not None
+    assert running.stderr is not None
+    running.stdout.close()  # as `head` does
+    told = running.stderr.read()
+    assert running.wait(timeout=300) == 128 + signal.SIGPIPE
+    assert told == ""
+
+
+@pytest.mark.parametrize("words", [["--version"], ["--help"]])
+def test_what_needs_no_simulation_does_not_import_it(words: list[str], tmp_path: Path):
+    code = f"""
+import sys
+from pcjax.cli import main
+try:
+    main({words!r})
+except SystemExit as end:
+    assert end.code in (0, None), end.code
+heavy = {{"jax", "numpy", "scipy", "xarray", "matplotlib"}} & set(sys.modules)
+assert not heavy, heavy
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_ctrl_c_while_modules_are_imported(tmp_path: Path):
+    code = """
+import os, signal, sys, threading, time
+from pcjax.__main__ import main
+def press():
+    while "jax" not in sys.modules:
+        time.sleep(0.001)
+    os.kill(os.getpid(), signal.SIGINT)
+threading.Thread(target=press, daemon=True).start()
+sys.argv = ["pcjax", "evaluate"]
+main()
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "pcjax: interrupted\n")
 
 
 def test_kept_data_that_is_no_netcdf_is_refused(command: Command, tmp_path: Path):

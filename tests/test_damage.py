@@ -28,7 +28,7 @@ from pcjax.cli import main
 from pcjax.compilation_cache import SealedCache
 from pcjax.design.optimize import Progress, Step, _keep, _load
 from pcjax.engines.ensemble import Outcomes
-from pcjax.files import locked
+from pcjax.files import locked, unsealed
 from pcjax.reading import load_dataset
 from pcjax.results import provenance, save_dataset
 from pcjax.study.read import EXAMPLE, load_study
@@ -136,7 +136,9 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
         folder / "evaluation.nc"
     )
     old = Path(__file__).parent.parent / "experiments" / "results" / "fig13.nc"
-    (folder / "old.nc").write_bytes(old.read_bytes())
+    content = unsealed(old.read_bytes())  # as files were before they were sealed
+    assert content is not None
+    (folder / "old.nc").write_bytes(content)
     save_dataset(load_dataset(old), folder / "figure.nc")
     score = xr.DataArray(np.ones((2, 2)), {"radius": [1.0, 2.0], "gap_width": [3.0, 4.0]})
     save_dataset(xr.Dataset({"score": score}, attrs=provenance({"hands": 4})), folder / "map.nc")
@@ -475,13 +477,13 @@ def test_what_is_no_plain_file_is_refused(
     study, picture = str(tmp_path / "study.toml"), str(tmp_path / "p.png")
     for words in (
         ["show", str(path)],
-        ["plot", str(path), "--out", picture],
+        ["plot", str(path), "--plot", picture],
         ["study", str(path)],
         ["evaluate", str(path)],
         ["sweep", str(path), "--out", str(tmp_path / "r.nc")],
         ["sweep", study, "--out", str(path)],
         ["optimize", "--checkpoint", str(path)],
-        ["map", "--data", f"{path}"],
+        ["map", "--out", f"{path}"],
     ):
         assert str(path) in refused(words, capsys)
 

@@ -16,7 +16,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pcjax.checks import InputWarning
 from pcjax.design.baselines import search_grid
 from pcjax.design.compare import compare
 from pcjax.design.optimize import Settings, Step, at_rest, optimize, starting_designs
@@ -29,6 +28,7 @@ from pcjax.physics.step import PAPER_DT
 from pcjax.quality.gradients import Gradient
 from pcjax.quality.indices import ratio
 from pcjax.quality.surrogate import Surrogate, Task
+from pcjax.words import InputWarning
 
 BOX = box_hand(math.radians(10))
 TASK = Task(Circle(25.0), WristTilt(), ("does", "eoen"), 20_000)

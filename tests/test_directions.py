@@ -128,10 +128,12 @@ def test_a_closed_hand_lets_nobody_in_or_out() -> None:
 
 
 def test_which_directions_are_evaluated() -> None:
-    assert default_direction(two_joint_hand(math.radians(90)), WristTilt()) == "both"
-    assert default_direction(two_joint_hand(), PlanarArm()) == "does"
+    assert default_direction(two_joint_hand(math.radians(90)), WristTilt())[0] == "both"
+    assert default_direction(two_joint_hand(), PlanarArm())[0] == "does"
     single = hand_of(((90,), (90,)), ((400,), (400,)))
-    assert default_direction(single, WristTilt()) == "does"
+    direction, why = default_direction(single, WristTilt())
+    assert direction == "does"
+    assert "one limb a finger" in why
     assert "one limb a finger" in why_no_eoen(single)
 
 

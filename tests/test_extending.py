@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 from typing import Any
 
-import equinox as eqx
 import numpy as np
 import pytest
 from jaxtyping import Array
 
 import pcjax
+from pcjax.components import quantity
 from pcjax.engines.choice import choose_engine
 from pcjax.model.drive import Swing
 from pcjax.model.motion import Motion
@@ -21,11 +21,11 @@ from pcjax.planar import Flag, Scalar, Vec
 RUN: dict[str, Any] = {"trials": 64, "max_steps": 60_000, "dt": 0.04, "direction": "does"}
 
 
-class OwnWrist(eqx.Module):
+class OwnWrist(pcjax.Drive):
     """The wrist as somebody else's class."""
 
     wrist: pcjax.WristTilt
-    period: float = eqx.field(static=True, default=10.0)
+    period: float = quantity("time", "between draws", default=10.0, key="period", static=True)
 
     targets_per_period = 2
 
@@ -39,12 +39,10 @@ class OwnWrist(eqx.Module):
         return self.wrist.top_speed(reach)
 
 
-class Bare(eqx.Module):
+class Bare(pcjax.Body):
     """A circle as somebody else's class, without a function that moves it."""
 
-    radius: Scalar
-
-    turns = False
+    radius: Scalar = quantity("length", "of the circle", low=0, above=True, key="radius")
 
     @property
     def width(self) -> Scalar:

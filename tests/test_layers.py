@@ -18,8 +18,8 @@ PACKAGE = Path(pcjax.__file__).parent
 LAYERS = (
     ("__init__", "__main__", "cli", "compilation_cache"),
     ("claims", "viz", "sweep"),
-    ("figures", "export"),
-    ("evaluate",),
+    ("figures", "export", "comparison", "inspection"),
+    ("evaluation",),
     ("study",),
     ("design",),
     ("results", "reading", "paper"),
@@ -27,7 +27,7 @@ LAYERS = (
     ("engines",),
     ("physics",),
     ("model",),
-    ("planar", "components", "checks", "files", "netcdf"),
+    ("planar", "components", "checks", "words", "files", "netcdf"),
 )
 """Top to bottom: the modules and folders directly under pcjax/. A module may import from its own
 layer and from those below. A new one fails the tests until it has its place here."""

@@ -17,7 +17,7 @@ import pytest
 from pcjax.engines.draws import period_draws, start_draws, trial_key
 from pcjax.engines.ensemble import LIMIT
 from pcjax.engines.stepping import trajectory
-from pcjax.evaluate import evaluate
+from pcjax.evaluation import evaluate
 from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Circle, Stick
 from pcjax.model.presets import box_hand, two_joint_hand

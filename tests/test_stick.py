@@ -13,7 +13,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pcjax.checks import InputWarning
 from pcjax.engines.draws import start_draws, trial_key
 from pcjax.engines.ensemble import run
 from pcjax.engines.stepping import Stepping, trajectory
@@ -27,6 +26,7 @@ from pcjax.model.scenario import Scenario, does
 from pcjax.physics.step import INVALID, PASSED, RUNNING, State, at_rest, begin, step
 from pcjax.physics.stick import Pose, depths
 from pcjax.planar import Segment, Vec, segments_cross
+from pcjax.words import InputWarning
 
 pytestmark = pytest.mark.usefixtures("x64")
 

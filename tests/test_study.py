@@ -11,7 +11,6 @@ import jax
 import numpy as np
 import pytest
 
-from pcjax.checks import InputWarning
 from pcjax.model.arm import PlanarArm
 from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
@@ -20,6 +19,7 @@ from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.study.read import EXAMPLE, load_study
 from pcjax.study.spec import Run, Study, Sweep
+from pcjax.words import InputWarning
 
 BOX = box_hand(math.radians(10))
 

@@ -19,7 +19,7 @@ import xarray as xr
 import pcjax.sweep
 from pcjax.cli import main
 from pcjax.cli.results import table
-from pcjax.evaluate import evaluate
+from pcjax.evaluation import evaluate
 from pcjax.model.body import Circle, Stick
 from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import WristTilt
@@ -359,9 +359,7 @@ def test_the_example_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert capsys.readouterr().out == swept
     assert len(swept.splitlines()) == 8
     for name in ("a.png", "b.svg"):
-        main(
-            ["plot", str(out), "--x", "radius", "--y", "eoen.index1", "--out", str(tmp_path / name)]
-        )
+        main(["plot", str(out), "--x=radius", "--y=eoen.index1", "--plot", str(tmp_path / name)])
         assert (tmp_path / name).stat().st_size > 5000
     main(["evaluate", str(study), "--trials", "15", "--json"])
     said = capsys.readouterr()
@@ -377,18 +375,18 @@ def test_kept_evaluations_are_shown_and_drawn(
     evaluation.save(kept)
     main(["show", str(kept)])
     assert capsys.readouterr().out.rstrip("\n") == repr(evaluation)
-    main(["plot", str(kept), "--out", str(tmp_path / "e.png")])
+    main(["plot", str(kept), "--plot", str(tmp_path / "e.png")])
     assert (tmp_path / "e.png").stat().st_size > 5000
 
 
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["plot", "WHOLE", "--x", "raduis", "--out", "p.png"], "did you mean radius"),
-        (["plot", "WHOLE", "--y", "sorce", "--out", "p.png"], "did you mean score"),
-        (["plot", "WHOLE", "--at", "radius=11", "--out", "p.png"], "radius 11 was not swept"),
-        (["plot", "WHOLE", "--at", "radius", "--out", "p.png"], "has to be like radius=25"),
-        (["plot", "WHOLE", "--out", "p.xyz"], "its ending has to be"),
+        (["plot", "WHOLE", "--x", "raduis", "--plot", "p.png"], "did you mean radius"),
+        (["plot", "WHOLE", "--y", "sorce", "--plot", "p.png"], "did you mean score"),
+        (["plot", "WHOLE", "--at", "radius=11", "--plot", "p.png"], "radius 11 was not swept"),
+        (["plot", "WHOLE", "--at", "radius", "--plot", "p.png"], "has to be like radius=25"),
+        (["plot", "WHOLE", "--plot", "p.xyz"], "its ending has to be"),
         (["show", "none.nc"], "does not exist"),
         (["show", "STUDY"], "is no result"),
         (["sweep", "STUDY", "--out", "no/r.nc"], "the folder no does not exist"),

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import codecs
+import importlib
+import io
+import os
 import signal
 import sys
 import threading
@@ -11,39 +15,80 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
-from pcjax.checks import InputWarning
-from pcjax.cli.animate import add_animate
-from pcjax.cli.claims import add_claims
-from pcjax.cli.evaluate import add_evaluate
-from pcjax.cli.export import add_export
-from pcjax.cli.figure import add_figure
-from pcjax.cli.map import add_map
-from pcjax.cli.optimize import add_optimize
-from pcjax.cli.parts import HelpFormatter, NegativeNumber, Parser, Terminated, fail
-from pcjax.cli.results import add_plot, add_show
-from pcjax.cli.study import add_study
-from pcjax.cli.sweep import add_sweep
-from pcjax.compilation_cache import use_compilation_cache
-from pcjax.results import package_version
+from pcjax.cli.parser import HelpFormatter, NegativeNumber, Parser, Terminated, fail
+from pcjax.words import InputWarning, package_version
+
+COMMANDS = {
+    "inspect": ("inspect", "look at a study before trials are spent on it"),
+    "evaluate": ("evaluate", "evaluate one hand: DoEs, EoEn and the score"),
+    "compare": ("compare", "rank several hands on the same trials"),
+    "optimize": ("optimize", "look for a better hand"),
+    "study": ("study", "check a study file, or print an example"),
+    "sweep": ("sweep", "evaluate every condition of a study's sweep"),
+    "show": ("results", "print kept results"),
+    "plot": ("results", "draw kept results"),
+    "map": ("map", "map the score over two parameters"),
+    "animate": ("animate", "film one trial"),
+    "export": ("export", "draw the hand for CAD"),
+    "figure": ("figure", "redo one of the paper's figures"),
+    "claims": ("claims", "check the paper's claims"),
+}
+"""Each command's module, which is imported when the command is run (JAX takes half a second, and
+what draws another), and what it does. The module has a function `add_COMMAND`."""
 
 
-def main(argv: Sequence[str] | None = None) -> None:
-    """Runs one command. Exit status 0, 2 for bad input, 130 by Ctrl-C, 143 when terminated."""
-    arguments = _parse(sys.argv[1:] if argv is None else list(argv))
-    use_compilation_cache()
+INTERRUPTED, TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM
+"""Exit status after Ctrl-C, and after SIGTERM."""
+
+
+def main(argv: Sequence[str] | None = None, *, ready: Callable[[], Any] = lambda: None) -> None:
+    """Runs one command. Exit status 0, 2 for bad input, 130 by Ctrl-C, 143 when terminated.
+
+    Arguments:
+        argv: the words after the program's name; the process's own unless given.
+        ready: called once all modules are there, before the command runs.
+    """
+    _write_in_any_encoding()
     try:
         with _told_to_end(), warnings.catch_warnings():
+            arguments = _parse(sys.argv[1:] if argv is None else list(argv))
+            from pcjax.compilation_cache import use_compilation_cache
+
+            use_compilation_cache()
+            ready()
             warnings.simplefilter("always", InputWarning)
             warnings.showwarning = _in_one_line(warnings.showwarning)
             arguments.run(arguments)
+            sys.stdout.flush()
     except ValueError as error:
         fail(str(error))
+    except BrokenPipeError:
+        # Whoever read has seen enough. What is left must not be tried again on the way out.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(128 + signal.SIGPIPE)
     except OSError as error:
         fail(f"cannot write {error.filename or 'the output'}: {error.strerror or error}")
     except (KeyboardInterrupt, Terminated) as stop:
         what = "terminated" if isinstance(stop, Terminated) else "interrupted"
         print(f"pcjax: {'; '.join([what, *getattr(stop, '__notes__', ())])}", file=sys.stderr)
-        sys.exit(128 + (signal.SIGTERM if what == "terminated" else signal.SIGINT))
+        sys.exit(TERMINATED if what == "terminated" else INTERRUPTED)
+
+
+def _write_in_any_encoding() -> None:
+    """Lets stdout and stderr spell what their encoding lacks."""
+
+    def spelt(error: UnicodeError) -> tuple[str, int]:
+        assert isinstance(error, UnicodeEncodeError)
+        lacking = error.object[error.start : error.end]
+        return "".join(_SPELT.get(letter, "?") for letter in lacking), error.end
+
+    codecs.register_error("pcjax", spelt)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="pcjax")
+
+
+_SPELT = {"\u00b1": "+-", "\u00b0": " deg", "\u2212": "-", "\u00d7": "x", "\u2026": "..."}
 
 
 @contextmanager
@@ -83,21 +128,9 @@ def _parse(argv: list[str]) -> argparse.Namespace:
     )
     parser.add_argument("--version", action="version", version=f"pcjax {package_version()}")
     commands = parser.add_subparsers(dest="command", metavar="command")
-    each = {
-        "evaluate": (add_evaluate, "evaluate one hand: DoEs, EoEn and the score"),
-        "optimize": (add_optimize, "look for a better hand"),
-        "study": (add_study, "check a study file, or print an example"),
-        "sweep": (add_sweep, "evaluate every condition of a study's sweep"),
-        "show": (add_show, "print kept results"),
-        "plot": (add_plot, "draw kept results"),
-        "map": (add_map, "map the score over two parameters"),
-        "animate": (add_animate, "film one trial"),
-        "export": (add_export, "draw the hand for CAD"),
-        "figure": (add_figure, "redo one of the paper's figures"),
-        "claims": (add_claims, "check the paper's claims"),
-    }
+    chosen = next((word for word in argv if not word.startswith("-")), None)
     subparsers = {}
-    for name, (add, text) in each.items():
+    for name, (module, text) in COMMANDS.items():
         subparsers[name] = commands.add_parser(
             name,
             help=text,
@@ -107,7 +140,9 @@ def _parse(argv: list[str]) -> argparse.Namespace:
         )
         # "-1e1", "-inf" and "-nan" are values, not flags.
         subparsers[name]._negative_number_matcher = NegativeNumber()
-        add(subparsers[name])
+        if name == chosen:
+            found = importlib.import_module(f"pcjax.cli.{module}")
+            getattr(found, f"add_{name}")(subparsers[name])
     arguments, unknown = parser.parse_known_args(argv)
     if unknown:
         subparsers.get(arguments.command, parser).unknown(unknown)

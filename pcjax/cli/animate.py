@@ -7,7 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from pcjax.cli.condition import add_condition, condition
-from pcjax.cli.parts import add_dt, add_experiment, check_writable, number, whole
+from pcjax.cli.parts import (
+    add_dt,
+    add_experiment,
+    add_outputs,
+    check_writable,
+    number,
+    settle_outputs,
+    whole,
+)
 from pcjax.engines.recording import PICKED_FROM, PICKS
 from pcjax.model.scenario import DIRECTIONS
 from pcjax.physics.step import INVALID, PASSED
@@ -39,12 +47,11 @@ def add_animate(parser: argparse.ArgumentParser) -> None:
     add("--seconds", type=number, default=40.0, help="how much of the trial, up to its end")
     add("--speed", type=number, default=4.0, help="seconds of the trial in one of the film")
     add("--fps", type=whole, default=20, help="pictures in a second of the film")
-    add(
-        "--out",
-        type=Path,
-        default=Path("escape.gif"),
-        metavar="FILE",
-        help="the film: .gif, .html, or .mp4 where there is ffmpeg",
+    add_outputs(
+        parser,
+        plot="the film: .gif, .html, or .mp4 where there is ffmpeg",
+        plot_default=Path("escape.gif"),
+        before={"out": "plot"},
     )
     parser.set_defaults(run=_run)
 
@@ -52,8 +59,9 @@ def add_animate(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> None:
     from pcjax.viz.animation import animate, check_film  # matplotlib takes a second to import
 
-    check_writable(arguments.out)
-    check_film(arguments.out)
+    settle_outputs(arguments)
+    check_writable(arguments.plot)
+    check_film(arguments.plot)
     if arguments.trial is not None and arguments.pick is not None:
         raise ValueError("--pick does not go with --trial: that one is picked already")
     study = condition(arguments)
@@ -63,7 +71,7 @@ def _run(arguments: argparse.Namespace) -> None:
     pick = arguments.pick or "escaped"
     recording = animate(
         scenario,
-        arguments.out,
+        arguments.plot,
         trial=arguments.trial,
         pick=pick,
         seed=study.run.seed,
@@ -81,5 +89,5 @@ def _run(arguments: argparse.Namespace) -> None:
     why = "" if arguments.trial is not None else f" ({PICKS[pick]} of {PICKED_FROM})"
     print(
         f"{name}, trial {recording.trial} of seed {recording.seed}{why}: {ending}; "
-        f"dt = {recording.dt:.3g} s; film: {arguments.out}"
+        f"dt = {recording.dt:.3g} s; film: {arguments.plot}"
     )

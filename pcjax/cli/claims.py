@@ -8,10 +8,7 @@ from pathlib import Path
 import xarray as xr
 
 from pcjax.claims import FIGURES_NEEDED, judge_claims
-from pcjax.cli.parts import (
-    add_run,
-    run_settings,
-)
+from pcjax.cli.parts import add_run, run_settings
 from pcjax.figures import run_figure
 from pcjax.reading import load_dataset
 from pcjax.study.spec import Run

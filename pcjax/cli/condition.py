@@ -10,7 +10,6 @@ from dataclasses import MISSING, replace
 from pathlib import Path
 from typing import Any
 
-from pcjax.checks import InputWarning
 from pcjax.cli.parts import number
 from pcjax.components import Component, Quantity, quantities
 from pcjax.model.body import BODIES
@@ -20,6 +19,7 @@ from pcjax.model.presets import HANDS
 from pcjax.quality.surrogate import Task
 from pcjax.study.read import read_study
 from pcjax.study.spec import Study
+from pcjax.words import InputWarning
 
 _KINDS = {
     "hand": ("preset", "hand", HANDS, "the hand (default: box on the wrist, two-joint on the arm)"),

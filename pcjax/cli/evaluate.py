@@ -5,11 +5,17 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from pathlib import Path
 
 from pcjax.cli.condition import add_condition, condition
-from pcjax.cli.parts import add_run, check_picture, check_writable, save_picture
-from pcjax.evaluate import evaluate_study
+from pcjax.cli.parts import (
+    add_outputs,
+    add_run,
+    check_data,
+    check_picture,
+    save_picture,
+    settle_outputs,
+)
+from pcjax.evaluation import evaluate_study
 
 
 def add_evaluate(parser: argparse.ArgumentParser) -> None:
@@ -24,14 +30,14 @@ def add_evaluate(parser: argparse.ArgumentParser) -> None:
     )
     add_run(parser)
     add("--json", action="store_true", help="print one JSON object on stdout, nothing else")
-    add("--plot", type=Path, default=None, metavar="FILE", help="draw hand and survival curves")
-    add("--out", type=Path, default=None, metavar="FILE", help="keep everything as netCDF")
+    add_outputs(parser, data="keep everything: .nc (netCDF)", plot="draw hand and survival curves")
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> None:
+    settle_outputs(arguments)
     check_picture(arguments.plot)
-    check_writable(arguments.out)
+    check_data(arguments.out)
     study = condition(arguments)
     if study.sweep is not None:
         print("pcjax: the study's [sweep] is left out: 'pcjax sweep' runs it", file=sys.stderr)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from pcjax.cli.condition import add_condition, condition
-from pcjax.cli.parts import check_writable, number
+from pcjax.cli.parts import add_outputs, check_writable, number, settle_outputs
 from pcjax.export import check_drawing, export_hand
 from pcjax.model.scenario import check_geometry, does
 
@@ -23,21 +23,21 @@ def add_export(parser: argparse.ArgumentParser) -> None:
         help="draw each limb's outline too, this thick, in model units",
     )
     add("--with-object", action="store_true", help="draw the object too, at a start")
-    add(
-        "--out",
-        type=Path,
-        default=Path("hand.svg"),
-        metavar="FILE",
-        help="the drawing, .svg or .dxf, one model unit a millimetre",
+    add_outputs(
+        parser,
+        plot="the drawing, .svg or .dxf, one model unit a millimetre",
+        plot_default=Path("hand.svg"),
+        before={"out": "plot"},
     )
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    check_writable(arguments.out)
-    check_drawing(arguments.out)
+    settle_outputs(arguments)
+    check_writable(arguments.plot)
+    check_drawing(arguments.plot)
     study = condition(arguments)
     check_geometry(does(study.hand, study.body, study.drive, study.law))
     body = study.body if arguments.with_object else None
-    export_hand(study.hand, arguments.out, thickness=arguments.thickness, body=body)
-    print(f"drawing: {arguments.out}")
+    export_hand(study.hand, arguments.plot, thickness=arguments.thickness, body=body)
+    print(f"drawing: {arguments.plot}")

@@ -10,11 +10,13 @@ import xarray as xr
 
 from pcjax import paper
 from pcjax.cli.parts import (
+    add_outputs,
     add_run,
+    check_data,
     check_picture,
-    check_writable,
     run_settings,
     save_picture,
+    settle_outputs,
 )
 from pcjax.figures import curve, run_figure, score_curve
 from pcjax.results import NAMES, save_dataset
@@ -30,21 +32,16 @@ def add_figure(parser: argparse.ArgumentParser) -> None:
         help=f"one of {', '.join(paper.FIGURE_NAMES)}",
     )
     add_run(parser)
-    add(
-        "--plot",
-        type=Path,
-        default=None,
-        metavar="FILE",
-        help="the picture (default: figNAME.png here)",
-    )
-    add("--out", type=Path, default=None, metavar="FILE", help="keep the data as netCDF")
+    add_outputs(parser, data="keep the data: .nc (netCDF)", plot="the picture, figNAME.png here")
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    picture = arguments.plot or Path(f"fig{arguments.figure}.png")
+    arguments.plot = arguments.plot or Path(f"fig{arguments.figure}.png")
+    settle_outputs(arguments)
+    picture = arguments.plot
     check_picture(picture)
-    check_writable(arguments.out)
+    check_data(arguments.out)
     data = run_figure(arguments.figure, **run_settings(arguments, Run()))
     if arguments.out:
         save_dataset(data, arguments.out)

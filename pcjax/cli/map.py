@@ -6,10 +6,10 @@ import argparse
 import json
 import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
 from pcjax.cli.condition import (
@@ -19,8 +19,16 @@ from pcjax.cli.condition import (
     task_of,
     usual_parameters,
 )
-from pcjax.cli.parts import add_experiment, check_picture, check_writable, save_picture, whole
-from pcjax.design.score_map import MapPlan, score_name
+from pcjax.cli.parts import (
+    add_experiment,
+    add_outputs,
+    check_data,
+    check_picture,
+    save_picture,
+    settle_outputs,
+    whole,
+)
+from pcjax.design.score_map import MapPlan
 from pcjax.design.space import HELP, DesignSpace, design_space
 from pcjax.quality.surrogate import OBJECTIVES, Surrogate
 from pcjax.results import save_dataset, save_text
@@ -61,18 +69,20 @@ def add_map(parser: argparse.ArgumentParser) -> None:
     )
     add_experiment(parser)
     add("--json", action="store_true", help="print one JSON object on stdout, nothing else")
-    add("--out", type=Path, default=Path("map.png"), metavar="FILE", help="the picture")
-    add("--data", type=Path, default=None, metavar="FILE", help="keep the data: .nc or .csv")
+    add_outputs(
+        parser,
+        data="keep the data: .nc or .csv",
+        plot="the picture",
+        plot_default=Path("map.png"),
+        before={"out": "plot", "data": "out"},
+    )
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    check_picture(arguments.out)
-    check_writable(arguments.data)
-    if arguments.data and arguments.data.suffix.lower() not in _DATA:
-        raise ValueError(
-            f"cannot keep {arguments.data}: its ending has to be one of {', '.join(_DATA)}"
-        )
+    settle_outputs(arguments)
+    check_picture(arguments.plot)
+    check_data(arguments.out, _DATA)
     study = condition(arguments)
     sides = [
         (name.replace("-", "_"), bounds)
@@ -100,17 +110,17 @@ def _run(arguments: argparse.Namespace) -> None:
         file=sys.stderr,
     )
     data = plan.run(progress=True)
-    if arguments.data:
-        if arguments.data.suffix.lower() == ".csv":
-            save_text(data.to_dataframe().to_csv(), arguments.data)
+    if arguments.out:
+        if arguments.out.suffix.lower() == ".csv":
+            save_text(data.to_dataframe().to_csv(), arguments.out)
         else:
-            save_dataset(data, arguments.data)
-    save_picture("plot_map", (data, space, surrogate), arguments.out)
+            save_dataset(data, arguments.out)
+    save_picture("plot_map", (data, space, surrogate), arguments.plot)
     if arguments.json:
         print(json.dumps(as_json(data, space)))
     else:
-        print(as_text(data, space, surrogate))
-        print(f"{data.attrs['wall_seconds']:.1f} s; picture: {arguments.out}")
+        print(map_text(data))
+        print(f"{data.attrs['wall_seconds']:.1f} s; picture: {arguments.plot}")
 
 
 def as_json(data: xr.Dataset, space: DesignSpace) -> dict[str, Any]:
@@ -149,14 +159,22 @@ def as_json(data: xr.Dataset, space: DesignSpace) -> dict[str, Any]:
     }
 
 
-def as_text(data: xr.Dataset, space: DesignSpace, surrogate: Surrogate) -> str:
-    """The best hand and the current one."""
+def map_text(data: xr.Dataset) -> str:
+    """The best hand of a map and the current one."""
     best, attrs = _best(data), data.attrs
-    lines = [f"{score_name(surrogate)}, of {attrs['hands']:,} hands:"]
-    at = np.array([float(best[p.label]) for p in space.free])
-    lines.append(
-        f"best     {float(best.score):,.4f} ± {float(best.se):.4f}  at {space.describe(at)}"
-    )
+    names = [str(name) for name in reversed(data.score.dims)]
+
+    def place(values: Sequence[float]) -> str:
+        return ", ".join(
+            f"{name.removesuffix('_deg')} {value:.4g}{' deg' if name.endswith('_deg') else ''}"
+            for name, value in zip(names, values, strict=True)
+        )
+
+    lines = [
+        f"{attrs['score_name']}, of {attrs['hands']:,} hands:",
+        f"best     {float(best.score):,.4f} ± {float(best.se):.4f}  at "
+        f"{place([float(best[name]) for name in names])}",
+    ]
     if "current_score" not in attrs:
         lines.append(
             "the current hand is not on the map: it is outside the bounds, or its fingers differ "
@@ -165,7 +183,7 @@ def as_text(data: xr.Dataset, space: DesignSpace, surrogate: Surrogate) -> str:
         return "\n".join(lines)
     value, se = attrs["current_score"], attrs["current_se"]
     score = f"{value:,.4f} ± {se:.4f}" if math.isfinite(value) else "no score"
-    lines.append(f"current  {score}  at {space.describe(space.design_of(space.base))}")
+    lines.append(f"current  {score}  at {place([attrs[f'current_{name}'] for name in names])}")
     return "\n".join(lines)
 
 

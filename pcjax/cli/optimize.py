@@ -17,14 +17,17 @@ from pcjax.cli.condition import (
     task_of,
     usual_parameters,
 )
+from pcjax.cli.parser import Terminated
 from pcjax.cli.parts import (
-    Terminated,
     add_dt,
     add_experiment,
+    add_outputs,
+    check_data,
     check_picture,
     check_writable,
     number,
     save_picture,
+    settle_outputs,
     whole,
 )
 from pcjax.design.baselines import search_cma, search_grid
@@ -104,8 +107,9 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
     add_experiment(parser)
     add_dt(parser, "the engine's choice")
     add("--json", action="store_true", help="print one JSON object on stdout, nothing else")
-    add("--out", type=Path, default=None, metavar="FILE", help="keep the hand as a study file")
-    add("--plot", type=Path, default=None, metavar="FILE", help="draw hands, history and map")
+    add_outputs(
+        parser, data="keep the hand as a study file: .toml", plot="draw hands, history and map"
+    )
     add(
         "--checkpoint",
         type=Path,
@@ -117,8 +121,9 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> None:
+    settle_outputs(arguments)
     check_picture(arguments.plot)
-    check_writable(arguments.out)
+    check_data(arguments.out, (".toml",))
     check_writable(arguments.checkpoint)
     study = condition(arguments)
     free = arguments.free or [(name, None) for name in usual_parameters(study)]

@@ -1,67 +1,20 @@
-"""What the commands share: the parser and its one-line errors, common flags, checks of files."""
+"""What the commands share: common flags, checks of files."""
 
 from __future__ import annotations
 
 import argparse
 import os
-import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from pcjax import paper
-from pcjax.checks import did_you_mean
 from pcjax.engines.choice import ENGINES
 from pcjax.study.spec import Run
+from pcjax.words import InputWarning
 
 PICTURES = (".png", ".svg", ".pdf", ".jpg", ".webp")
-
-
-def fail(message: str) -> NoReturn:
-    print(f"pcjax: {message}", file=sys.stderr)
-    sys.exit(2)
-
-
-class Terminated(SystemExit):
-    """SIGTERM has come: there is time to leave the files in order, and for nothing else."""
-
-
-class Parser(argparse.ArgumentParser):
-    """An argument parser whose errors are one line, with the nearest name for a misspelt one."""
-
-    def error(self, message: str) -> NoReturn:
-        fail(f"{message} (see '{self.prog} --help')")
-
-    def unknown(self, words: Sequence[str]) -> NoReturn:
-        word = words[0]
-        flags = [flag for flag in self._option_string_actions if flag.startswith("--")]
-        hint = did_you_mean(word.split("=")[0], flags)
-        what = "flag" if word.startswith("-") else "argument"
-        self.error(f"unknown {what} {word}" + (f": {hint.rstrip()}" if hint else ""))
-
-    def _check_value(self, action: argparse.Action, value: Any) -> None:
-        if action.choices is not None and value not in action.choices:
-            allowed = [str(choice) for choice in action.choices]
-            hint = did_you_mean(str(value), allowed)
-            name = "/".join(action.option_strings) or action.metavar or action.dest
-            self.error(f"{name} is {value!r}: {hint}it has to be one of {', '.join(allowed)}")
-
-
-class HelpFormatter(argparse.ArgumentDefaultsHelpFormatter):
-    """Adds the default to a flag's help where there is one to tell."""
-
-    def _get_help_string(self, action: argparse.Action) -> str | None:
-        told = action.default is None or action.default is False
-        return action.help if told else super()._get_help_string(action)
-
-
-class NegativeNumber:
-    def match(self, text: str) -> bool:
-        try:
-            float(text)
-        except ValueError:
-            return False
-        return text.startswith("-")
 
 
 def number(text: str) -> float:
@@ -131,6 +84,75 @@ def run_settings(arguments: argparse.Namespace, usual: Run) -> dict[str, Any]:
     given = {name: getattr(arguments, name) for name in RUN_FLAGS}
     settings = {name: getattr(usual, name) if v is None else v for name, v in given.items()}
     return settings | {"progress": True}
+
+
+def add_outputs(
+    parser: argparse.ArgumentParser,
+    *,
+    data: str | None = None,
+    plot: str | None = None,
+    plot_default: Path | None = None,
+    before: Mapping[str, str] | None = None,
+) -> None:
+    """`--out` for data and `--plot` for a picture, the same in every command.
+
+    Arguments:
+        parser: of the command.
+        data, plot: what is written there, for the help; None where the command has no such file.
+        plot_default: where the picture goes unless that is said.
+        before: earlier spellings and the flags that took their place, "out" or "plot".
+    """
+    add = parser.add_argument
+    if data is not None:
+        add("--out", type=Path, default=None, metavar="FILE", help=data)
+    if plot is not None:
+        where = "" if plot_default is None else f" (default: {plot_default} here)"
+        add("--plot", type=Path, default=None, metavar="FILE", help=plot + where)
+    for old in before or {}:
+        if f"--{old}" not in parser._option_string_actions:
+            add(f"--{old}", type=Path, default=None, help=argparse.SUPPRESS)
+    parser.set_defaults(plot_default=plot_default, before=before or {})
+
+
+def settle_outputs(arguments: argparse.Namespace) -> None:
+    """Takes earlier spellings, with a warning, and refuses one file for two outputs.
+
+    Raises:
+        ValueError: a file that is to be two things.
+    """
+    for old, new in arguments.before.items():
+        given = getattr(arguments, old)
+        # A map's --out was its picture, and is its data now.
+        is_data = old == "out" and hasattr(arguments, "data")
+        if given is None or (is_data and given.suffix.lower() not in PICTURES):
+            continue
+        if getattr(arguments, new) is not None:
+            raise ValueError(f"--{old} is called --{new} now: give one of them")
+        warnings.warn(f"--{old} is called --{new} now", InputWarning, stacklevel=2)
+        setattr(arguments, new, given)
+        setattr(arguments, old, None)
+    if getattr(arguments, "plot", None) is None:
+        arguments.plot = arguments.plot_default
+    names = ("study", "results", "out", "plot", "checkpoint")
+    files: dict[Path, str] = {}
+    for name in names:
+        path = getattr(arguments, name, None)
+        if not isinstance(path, Path):
+            continue
+        other = files.setdefault(path.resolve(), name)
+        if other != name:
+            raise ValueError(f"{path} cannot be both {_as_typed(other)} and {_as_typed(name)}")
+
+
+def _as_typed(name: str) -> str:
+    return {"study": "the study", "results": "the result"}.get(name, f"--{name}")
+
+
+def check_data(path: Path | None, endings: Sequence[str] = (".nc",)) -> None:
+    """Fails before the work when data cannot be written, or the file's ending says another kind."""
+    check_writable(path)
+    if path is not None and path.suffix.lower() not in endings:
+        raise ValueError(f"cannot keep {path}: its ending has to be one of {', '.join(endings)}")
 
 
 def check_writable(path: Path | None) -> None:

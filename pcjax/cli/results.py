@@ -9,7 +9,8 @@ from pathlib import Path
 import xarray as xr
 
 from pcjax.cli.figure import figure_table
-from pcjax.cli.parts import check_picture, number
+from pcjax.cli.map import map_text
+from pcjax.cli.parts import add_outputs, check_picture, number, settle_outputs
 from pcjax.reading import load_dataset
 from pcjax.results import NAMES, Evaluation
 from pcjax.sweep import swept_names
@@ -46,7 +47,7 @@ def add_plot(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         help="the value of a swept number that is not drawn; again for more",
     )
-    add("--out", type=Path, required=True, metavar="FILE", help="the picture")
+    add_outputs(parser, plot="the picture", before={"out": "plot"})
     parser.set_defaults(run=_plot)
 
 
@@ -63,6 +64,8 @@ def _show(arguments: argparse.Namespace) -> None:
         print(table(data, None if arguments.all else _LONGEST))
     elif "figure" in data.attrs:
         print(figure_table(data))
+    elif {"score_name", "hands"} <= set(data.attrs) and {"score", "se"} <= set(data):
+        print(map_text(data))
     else:
         print(_evaluation(data, arguments.results))
 
@@ -74,7 +77,10 @@ def _evaluation(data: xr.Dataset, path: Path) -> Evaluation:
 
 
 def _plot(arguments: argparse.Namespace) -> None:
-    check_picture(arguments.out)
+    settle_outputs(arguments)
+    if arguments.plot is None:
+        raise ValueError("say where the picture goes: --plot FILE")
+    check_picture(arguments.plot)
     data = load_dataset(arguments.results)
     flags = ("x", "y", "hue")
     from pcjax.viz import plots, sweeps  # matplotlib takes a second to import
@@ -93,7 +99,7 @@ def _plot(arguments: argparse.Namespace) -> None:
             figure = plots.plot_figure(data)
         else:
             figure = plots.plot_evaluation(_evaluation(data, arguments.results))
-    figure.savefig(arguments.out, dpi=130)
+    figure.savefig(arguments.plot, dpi=130)
 
 
 def table(data: xr.Dataset, most: int | None = _LONGEST) -> str:

@@ -8,9 +8,10 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from tqdm import tqdm
+from tqdm.auto import tqdm
 
-from pcjax.cli.parts import RUN_FLAGS, Terminated, add_run, check_writable, number
+from pcjax.cli.parser import Terminated
+from pcjax.cli.parts import RUN_FLAGS, add_run, check_data, number
 from pcjax.cli.results import table
 from pcjax.study.read import load_study
 from pcjax.sweep import Plan, run_sweep
@@ -50,7 +51,7 @@ def _share(text: str) -> float:
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    check_writable(arguments.out)
+    check_data(arguments.out)
     study = load_study(arguments.study)
     flags = {name: getattr(arguments, name) for name in (*RUN_FLAGS, "precision_target")}
     given = {name: value for name, value in flags.items() if value is not None}

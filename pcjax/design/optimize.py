@@ -23,9 +23,9 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 from jaxtyping import Float
-from tqdm import tqdm
+from tqdm.auto import tqdm
 
-from pcjax.checks import InputWarning, check_between, check_count
+from pcjax.checks import check_between, check_count
 from pcjax.design.compare import compare, compare_hands
 from pcjax.design.space import DesignSpace
 from pcjax.files import digest, locked, read_plain
@@ -35,6 +35,7 @@ from pcjax.quality.gradients import Differences, Estimator, Gradient
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate
 from pcjax.results import save_text
+from pcjax.words import InputWarning
 
 _REST = 0.15
 """How far, in the parameters' scales, a design at rest moves at most from window to window."""

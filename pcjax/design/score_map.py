@@ -174,6 +174,7 @@ class MapPlan:
                     "max_steps": surrogate.task.max_steps,
                     "seed": self.seed,
                     "objective": surrogate.objective,
+                    "score_name": score_name(surrogate),
                     "directions": list(surrogate.task.directions),
                     "object_width": space.width,
                     "hands": self.hands,

@@ -21,7 +21,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Float32, Int32, UInt8
-from tqdm import tqdm
+from tqdm.auto import tqdm
 
 from pcjax.checks import check_count
 from pcjax.engines.cloud import Cloud

@@ -108,6 +108,41 @@ def ratio(
     return Estimate(value, se, min(low, value), max(high, value))
 
 
+def ratio_difference(
+    one: Float[np.ndarray, "2 trials"],
+    other: Float[np.ndarray, "2 trials"],
+    most: float,
+    *,
+    certain: tuple[bool, bool, bool, bool] = (False, False, False, False),
+) -> Estimate:
+    """How much higher one ratio of means is than another one, of the same trials.
+
+    The standard error is the delta method's. Undefined where a lower mean is 0.
+
+    Arguments:
+        one, other: DoEs' numbers and EoEn's, from 0 to `most`.
+        certain: whether it is known of each of the four that it is `most` always.
+    """
+    means = np.concatenate([one.mean(axis=1), other.mean(axis=1)])
+    if means[1] == 0 or means[3] == 0:
+        return UNDEFINED
+
+    def slopes(m: Float[np.ndarray, "4"]) -> Float[np.ndarray, "4"]:
+        return np.array([1 / m[1], -m[0] / m[1] ** 2, -1 / m[3], m[2] / m[3] ** 2])
+
+    def value(m: Float[np.ndarray, "4"]) -> float:
+        return float(m[0] / m[1] - m[2] / m[3])
+
+    samples = np.concatenate([one, other])
+    n = samples.shape[1]
+    influence = slopes(means) @ samples
+    se = float(np.std(influence, ddof=1)) / math.sqrt(n) if n > 1 else math.nan
+    ends = np.stack([np.where(certain, most, 0.0), np.full(4, most)])
+    low, high = (value(m) for m in extremes(samples, ends, slopes))
+    found = value(means)
+    return Estimate(found, se, min(low, found), max(high, found))
+
+
 def extremes(
     values: Float[np.ndarray, "k trials"],
     ends: Float[np.ndarray, "2 k"],

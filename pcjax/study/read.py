@@ -15,14 +15,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from pcjax.checks import (
-    InputWarning,
-    check_between,
-    check_count,
-    did_you_mean,
-    doubts_of_degrees,
-    one_line,
-)
+from pcjax.checks import check_between, check_count, doubts_of_degrees
 from pcjax.components import Component, Quantity, Registry, quantities
 from pcjax.engines.choice import ENGINES
 from pcjax.files import read_plain
@@ -32,6 +25,7 @@ from pcjax.model.drive import DRIVES, Drive
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import HANDS
 from pcjax.study.spec import MOST_CONDITIONS, Run, Study, Sweep
+from pcjax.words import InputWarning, did_you_mean, one_line
 
 C = TypeVar("C", bound=Component)
 T = TypeVar("T")

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from pcjax.checks import did_you_mean
 from pcjax.components import Component, Quantity, quantities
 from pcjax.design.space import DesignSpace, parameter
 from pcjax.model.body import BODIES
 from pcjax.model.drive import DRIVES
 from pcjax.model.hand import HandDesign
+from pcjax.words import did_you_mean
 
 _USUAL_OF_HANDS = (
     "fingertip_angle_deg",

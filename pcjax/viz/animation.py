@@ -26,7 +26,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle as Disc
-from tqdm import tqdm
+from tqdm.auto import tqdm
 
 from pcjax.checks import check_between
 from pcjax.engines.choice import safe_step

@@ -10,16 +10,18 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, Rectangle
 from scipy.interpolate import NearestNDInterpolator
 
 from pcjax.design.compare import compare
 from pcjax.design.optimize import Optimum
 from pcjax.design.score_map import score_name, shapes
 from pcjax.design.space import DesignSpace
+from pcjax.inspection import Inspection
 from pcjax.model.body import placed_outline
 from pcjax.model.hand import points_of
 from pcjax.quality.surrogate import Surrogate
+from pcjax.results import NAMES
 from pcjax.viz.shapes import COLOURS, draw_object
 
 _Z95 = 1.96
@@ -40,6 +42,33 @@ def plot_optimum(data: tuple[Optimum, DesignSpace, Surrogate]) -> Figure:
     draw_history(axes[1], found, surrogate)
     if pair:
         draw_map(axes[2], found, space, surrogate)
+    return figure
+
+
+def plot_inspection(found: Inspection) -> Figure:
+    """The hand in each direction that can be run, with the box of starts and the object in it."""
+    views = {d: view for d, view in found.views.items() if view.gap is not None}
+    figure = Figure(figsize=(5.0 * max(len(views), 1), 4.6), layout="constrained")
+    axes = figure.subplots(1, max(len(views), 1), squeeze=False)[0]
+    study = found.study
+    for axis, direction in zip(axes, views or ["does"], strict=True):
+        hand = study.hand if direction == "does" else study.hand.with_fingertips_mirrored()
+        axis.plot(*points_of(hand).T, color="black", lw=2, solid_joinstyle="round")
+        with jax.enable_x64(True):
+            goal = jax.device_get(hand.goal())
+        axis.plot([goal.a.x, goal.b.x], [goal.a.y, goal.b.y], color=COLOURS[2], ls="--", lw=1.5)
+        axis.set_aspect("equal")
+        axis.margins(0.08)
+        axis.set(xlabel="x [model length]", ylabel="y [model length]")
+        view = found.views[direction]
+        if view.starts is None:
+            axis.set_title(f"{NAMES[direction]}: cannot be run")
+            continue
+        for (x0, y0), (x1, y1) in view.starts:
+            axis.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fc="0.9", ec="0.6", zorder=0))
+        (x0, y0), _ = view.starts[0]
+        draw_object(axis, *placed_outline(study.body, np.array([x0, y0])))
+        axis.set_title(f"{NAMES[direction]}: gap {view.gap:.4g}, object {found.width:.4g}")
     return figure
 
 

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pcjax import paper
+from pcjax.comparison import Ranking
 from pcjax.figures import Curve, curve, score_curve
 from pcjax.results import NAMES, Evaluation, engines_text
 from pcjax.viz.shapes import COLOURS, draw_object
@@ -26,6 +27,25 @@ def plot_evaluation(evaluation: Evaluation) -> Figure:
     for axis, direction in zip(axes, directions, strict=False):
         draw_hand(axis, evaluation, direction)
     draw_survival(axes[-1], evaluation)
+    return figure
+
+
+def plot_ranking(ranking: Ranking) -> Figure:
+    """The hands side by side, the best first, each with what it is ranked by."""
+    names = ranking.names
+    columns = min(len(names), 4)
+    rows = -(-len(names) // columns)
+    figure = Figure(figsize=(4.0 * columns, 4.4 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    form = ".4g" if ranking.by == "score" else ",.0f"
+    for axis in axes[len(names) :]:
+        axis.set_axis_off()
+    for place, (axis, name) in enumerate(zip(axes, names, strict=False), start=1):
+        draw_hand(axis, ranking.evaluations[name], ranking.evaluations[name].directions[0])
+        value = ranking.value(name)
+        what = "score" if ranking.by == "score" else "DoEs"
+        told = f"{what} {value.value:{form}} [{value.low:{form}}, {value.high:{form}}]"
+        axis.set_title(f"{place}. {name}\n{told}", fontsize=10)
     return figure
 
 

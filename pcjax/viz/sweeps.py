@@ -9,10 +9,10 @@ import xarray as xr
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 
-from pcjax.checks import did_you_mean
 from pcjax.results import NAMES
 from pcjax.sweep import swept_names
 from pcjax.viz.plots import COLOURS
+from pcjax.words import did_you_mean
 
 
 def plot_sweep(

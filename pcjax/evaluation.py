@@ -143,7 +143,7 @@ def evaluate_grid(
 
     Examples:
         >>> import pcjax
-        >>> from pcjax.evaluate import evaluate_grid
+        >>> from pcjax.evaluation import evaluate_grid
         >>> radii = [10.0, 25.0]
         >>> scenarios = [pcjax.does(pcjax.box_hand(), pcjax.Circle(radius)) for radius in radii]
         >>> data = evaluate_grid(scenarios, {"radius": radii}, trials=64, max_steps=20_000)

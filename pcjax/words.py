@@ -1,0 +1,30 @@
+"""Words: of errors and warnings, and the package's own name and version."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from importlib.metadata import PackageNotFoundError, version
+
+
+def package_version() -> str:
+    """The installed version of pcjax."""
+    try:
+        return version("pcjax")
+    except PackageNotFoundError:
+        return "unknown (not installed)"
+
+
+def one_line(text: object) -> str:
+    """The text with whatever would leave its line, or the printable, written as an escape."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(text))
+
+
+class InputWarning(UserWarning):
+    """Input that can be used, but is probably not what was meant."""
+
+
+def did_you_mean(word: str, names: Iterable[str]) -> str:
+    """Asks "did you mean NAME? " for the nearest of the names; empty if none is near."""
+    near = difflib.get_close_matches(word, list(names), 1, cutoff=0.6)
+    return f"did you mean {near[0]}? " if near else ""
