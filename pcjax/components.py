@@ -9,8 +9,9 @@ of a sort by their kind; `pip` can add some, through an entry point of the regis
 from __future__ import annotations
 
 import functools
+import importlib
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, replace
 from importlib.metadata import entry_points
 from typing import Any, Generic, Literal, Self, TypeVar, cast, dataclass_transform
@@ -206,6 +207,7 @@ class Registry(Generic[C]):
     Arguments:
         noun: what they are, for messages.
         group: of entry points, through which installed packages add kinds.
+        own: modules of this package that register some, imported when they are looked for.
 
     Examples:
         >>> from pcjax.model.body import BODIES, Circle
@@ -216,8 +218,8 @@ class Registry(Generic[C]):
         ValueError: there is no body crcle: did you mean circle? there are circle, stick
     """
 
-    def __init__(self, noun: str, group: str):
-        self.noun, self.group = noun, group
+    def __init__(self, noun: str, group: str, own: Sequence[str] = ()):
+        self.noun, self.group, self._own = noun, group, own
         self._classes: dict[str, type[C]] = {}
 
     def register(self, kind: str) -> Callable[[T], T]:
@@ -238,6 +240,7 @@ class Registry(Generic[C]):
 
     def kinds(self) -> tuple[str, ...]:
         """All kinds, those of installed packages among them."""
+        self._import_own()
         return tuple(dict.fromkeys([*self._classes, *(e.name for e in self._offered())]))
 
     def __iter__(self) -> Iterator[type[C]]:
@@ -248,6 +251,7 @@ class Registry(Generic[C]):
         Raises:
             ValueError: there is no such kind, or the package that offers it cannot be imported.
         """
+        self._import_own()
         if kind not in self._classes:
             for offer in self._offered():
                 if offer.name == kind:
@@ -278,6 +282,10 @@ class Registry(Generic[C]):
             f"the {self.noun} is a {wanted.__name__}, which no file can name: register the class, "
             f"with @register_{self.noun.replace(' ', '_')}('...')"
         )
+
+    def _import_own(self) -> None:
+        for module in self._own:
+            importlib.import_module(module)
 
     def _offered(self) -> Iterable[Any]:
         return entry_points(group=self.group)

@@ -115,8 +115,8 @@ def inspect(study: Study) -> Inspection:
     Examples:
         >>> import pcjax
         >>> found = pcjax.inspect(pcjax.Study(pcjax.box_hand(0.0), pcjax.Circle(25.0)))
-        >>> found.views["does"].gap
-        200.0
+        >>> print(f"{found.views['does'].gap:.4f}")
+        200.0000
         >>> found.views["does"].starts[0]
         ((-225.0, 25.0), (-175.0, 75.0))
     """

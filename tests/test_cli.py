@@ -723,7 +723,11 @@ BAD_GEOMETRY = [
 ]
 BAD_WORDS = [
     refused("evaluat", "evaluat", "did you mean evaluate"),
-    refused("destroy", "destroy", "evaluate, optimize, study, sweep, show, plot, map, animate"),
+    refused(
+        "destroy",
+        "destroy",
+        "inspect, evaluate, compare, optimize, study, sweep, show, plot, map, animate",
+    ),
     refused("evaluate --radus 5", "--radus", "did you mean --radius"),
     refused("evaluate --fingertip-angel=5", "--fingertip-angel", "did you mean --fingertip-angle"),
     refused("figure 12 --trails 10", "--trails", "did you mean --trials"),
@@ -917,8 +921,8 @@ def test_a_picture_of_the_wrong_kind_leaves_no_data_either(command: Command, tmp
 
 
 def test_one_file_cannot_be_two_outputs(command: Command, tmp_path: Path):
-    line = f"{SMALL_MAP} --plot both.png --data both.png"
-    check_refused(command(line), "both.png", "--out and --plot")
+    line = "figure 12 --plot both.nc --out both.nc"
+    check_refused(command(line), "both.nc", "--out and --plot")
     (tmp_path / "hand.toml").write_text("[hand]\npreset = 'box'\n")
     check_refused(command("optimize hand.toml --out hand.toml"), "hand.toml", "the study and --out")
 
@@ -967,6 +971,7 @@ def test_a_terminal_without_the_letters_and_a_reader_who_has_seen_enough(tmp_pat
     assert running.stderr is not None
     running.stdout.close()  # as `head` does
     told = running.stderr.read()
+    running.stderr.close()
     assert running.wait(timeout=300) == 128 + signal.SIGPIPE
     assert told == ""
 

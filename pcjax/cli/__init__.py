@@ -37,8 +37,8 @@ COMMANDS = {
 what draws another), and what it does. The module has a function `add_COMMAND`."""
 
 
-INTERRUPTED, TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM
-"""Exit status after Ctrl-C, and after SIGTERM."""
+INTERRUPTED, TERMINATED, BROKEN_PIPE = 128 + signal.SIGINT, 128 + signal.SIGTERM, 128 + 13
+"""Exit status after Ctrl-C, after SIGTERM, and where nobody reads on."""
 
 
 def main(argv: Sequence[str] | None = None, *, ready: Callable[[], Any] = lambda: None) -> None:
@@ -65,7 +65,7 @@ def main(argv: Sequence[str] | None = None, *, ready: Callable[[], Any] = lambda
     except BrokenPipeError:
         # Whoever read has seen enough. What is left must not be tried again on the way out.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(128 + signal.SIGPIPE)
+        sys.exit(BROKEN_PIPE)
     except OSError as error:
         fail(f"cannot write {error.filename or 'the output'}: {error.strerror or error}")
     except (KeyboardInterrupt, Terminated) as stop:

@@ -16,7 +16,7 @@ from pcjax.components import Component, Registry, quantity
 from pcjax.model.motion import Carry, Motion
 from pcjax.planar import Flag, Mirror, Scalar, Vec, where
 
-DRIVES: Registry[Drive] = Registry("drive", "pcjax.drives")
+DRIVES: Registry[Drive] = Registry("drive", "pcjax.drives", ("pcjax.model.arm",))
 """What moves the hand, as study files and flags can name it."""
 
 register_drive = DRIVES.register
