@@ -1,9 +1,9 @@
 """Things that describe themselves: each parameter of a hand, body, drive or contact law, once.
 
 A component is a class whose fields are declared with `quantity`. From the declarations come its
-checks, the study file's reader and writer, the names that can be swept, the command line's flags
-with their help, what results keep of it, and the tables in the docs. A `Registry` finds the classes
-of a sort by their kind; `pip` can add some, through an entry point of the registry's group.
+checks, the study file's reader and writer, the names that can be swept, and the command line's
+flags with their help. A `Registry` finds the classes of a sort by their kind; installed packages
+can add some, through an entry point of the registry's group.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from __future__ import annotations
 import functools
 import importlib
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, replace
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Generic, Literal, Self, TypeVar, cast, dataclass_transform
 
 import equinox as eqx
@@ -52,7 +52,6 @@ class Quantity:
         flag: its name on the command line; "" if it has none.
         usual: in words, what it is unless given, where that is no number of its own.
         name: of the field.
-        static: whether another value compiles anew.
     """
 
     unit: Unit
@@ -67,7 +66,6 @@ class Quantity:
     flag: str = ""
     usual: str = ""
     name: str = ""
-    static: bool = False
 
     @property
     def file_key(self) -> str:
@@ -130,18 +128,18 @@ def quantity(
     help: str,
     *,
     default: Any = MISSING,
-    default_factory: Any = MISSING,
     converter: Callable[[Any], Any] | None = None,
     static: bool = False,
     **more: Any,
 ) -> Any:
-    """Declares a field of a component; see `Quantity` for what can be said of it."""
-    declared = Quantity(unit, help, default, static=static, **more)
+    """Declares a field of a component; see `Quantity` for what can be said of it.
+
+    A `static` one is part of the program: another value compiles anew.
+    """
+    declared = Quantity(unit, help, default, **more)
     given: dict[str, Any] = {"metadata": {"quantity": declared}, "static": static}
     if default is not MISSING:
         given["default"] = default
-    if default_factory is not MISSING:
-        given["default_factory"] = default_factory
     if static and converter is None:
         converter = float
     if converter is not None:
@@ -176,7 +174,7 @@ class Component(eqx.Module):
                 angles |= {f"{name} of {what.each} {k}": v for k, v in enumerate(value, start=1)}
         check_radians(angles)
 
-    def in_file(self) -> dict[str, Any]:
+    def as_table(self) -> dict[str, Any]:
         """Its parameters by their names in study files; what is not set is left out."""
         return {
             what.file_key: what.to_file(value)
@@ -241,10 +239,7 @@ class Registry(Generic[C]):
     def kinds(self) -> tuple[str, ...]:
         """All kinds, those of installed packages among them."""
         self._import_own()
-        return tuple(dict.fromkeys([*self._classes, *(e.name for e in self._offered())]))
-
-    def __iter__(self) -> Iterator[type[C]]:
-        return iter([self[kind] for kind in self.kinds()])
+        return tuple(dict.fromkeys([*self._classes, *(e.name for e in self._offered)]))
 
     def __getitem__(self, kind: str) -> type[C]:
         """
@@ -253,7 +248,7 @@ class Registry(Generic[C]):
         """
         self._import_own()
         if kind not in self._classes:
-            for offer in self._offered():
+            for offer in self._offered:
                 if offer.name == kind:
                     try:
                         self._classes.setdefault(kind, offer.load())
@@ -287,5 +282,7 @@ class Registry(Generic[C]):
         for module in self._own:
             importlib.import_module(module)
 
-    def _offered(self) -> Iterable[Any]:
-        return entry_points(group=self.group)
+    @functools.cached_property
+    def _offered(self) -> Sequence[EntryPoint]:
+        # Looked for once: it means reading the metadata of every installed package.
+        return tuple(entry_points(group=self.group))

@@ -87,7 +87,7 @@ def evaluate_study(study: Study, *, progress: bool = False) -> Evaluation:
     Raises:
         ValueError: see `evaluate`.
     """
-    run_as, missing = study.run, study.directions_and_why()[1]
+    run_as, missing = study.run, study.why_no_eoen
     scenarios = study.scenarios()
     for scenario in scenarios.values():
         check_geometry(scenario)

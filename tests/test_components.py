@@ -48,4 +48,4 @@ def test_a_kind_is_taken_once_and_unknown_ones_are_refused() -> None:
 def test_lengths_scale_and_angles_are_degrees_in_files() -> None:
     stick = Stick(50.0, 0.5).scaled(0.1)
     assert (float(stick.half_length), float(stick.orientation)) == (5.0, 0.5)
-    assert stick.in_file() == {"radius": 5.0, "orientation_deg": pytest.approx(28.64788976)}
+    assert stick.as_table() == {"radius": 5.0, "orientation_deg": pytest.approx(28.64788976)}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 from pcjax.cli.condition import add_condition, condition
@@ -66,7 +65,6 @@ def _run(arguments: argparse.Namespace) -> None:
         raise ValueError("--pick does not go with --trial: that one is picked already")
     study = condition(arguments)
     name = NAMES[arguments.direction]
-    study = replace(study, run=replace(study.run, direction=arguments.direction))
     scenario = study.scenarios()[arguments.direction]
     pick = arguments.pick or "escaped"
     recording = animate(

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import replace
 from pathlib import Path
 
 from pcjax.cli.parts import (
-    RUN_FLAGS,
+    add_direction,
     add_outputs,
     add_run,
+    as_flags_say,
     check_picture,
     save_picture,
     settle_outputs,
@@ -23,12 +23,7 @@ def add_compare(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
     add = parser.add_argument
     add("studies", type=Path, nargs="+", metavar="FILE", help="study files (TOML), two or more")
-    add(
-        "--direction",
-        choices=("does", "eoen", "both"),
-        default=None,
-        help="what to evaluate (default: each study's own)",
-    )
+    add_direction(parser, "each study's own")
     add_run(parser)
     add("--json", action="store_true", help="print one JSON object on stdout, nothing else")
     add_outputs(parser, plot="draw the hands side by side")
@@ -38,15 +33,13 @@ def add_compare(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> None:
     settle_outputs(arguments)
     check_picture(arguments.plot)
-    flags = {name: getattr(arguments, name) for name in (*RUN_FLAGS, "direction")}
-    given = {name: value for name, value in flags.items() if value is not None}
     names = names_of([str(path) for path in arguments.studies])
     if len(set(names)) < len(names):
         raise ValueError("a study file is named twice")
-    studies = {}
-    for name, path in zip(names, arguments.studies, strict=True):
-        study = load_study(path)
-        studies[name] = replace(study, run=replace(study.run, **given))
+    studies = {
+        name: as_flags_say(load_study(path), arguments)
+        for name, path in zip(names, arguments.studies, strict=True)
+    }
     ranking = compare(studies, progress=True)
     if arguments.plot:
         save_picture("plot_ranking", ranking, arguments.plot)

@@ -6,11 +6,11 @@ import argparse
 import re
 import warnings
 from collections.abc import Iterator
-from dataclasses import MISSING, replace
+from dataclasses import MISSING
 from pathlib import Path
 from typing import Any
 
-from pcjax.cli.parts import number
+from pcjax.cli.parts import as_flags_say, number
 from pcjax.components import Component, Quantity, quantities
 from pcjax.model.body import BODIES
 from pcjax.model.contact_law import ContactLaw
@@ -117,10 +117,7 @@ def condition(arguments: argparse.Namespace) -> Study:
         told = by_flag(doubt)
         where = "" if arguments.study is None or told != doubt else f"{arguments.study}: "
         warnings.warn(f"{where}{told}", InputWarning, stacklevel=2)
-    flags = ("direction", "trials", "max_steps", "seed", "engine", "dt", "precision")
-    given = {name: getattr(arguments, name, None) for name in flags}
-    given = {name: value for name, value in given.items() if value is not None}
-    return replace(study, run=replace(study.run, **given))
+    return as_flags_say(study, arguments)
 
 
 def parameter_flag(text: str) -> tuple[str, tuple[float, float] | None]:

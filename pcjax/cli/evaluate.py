@@ -8,6 +8,7 @@ import sys
 
 from pcjax.cli.condition import add_condition, condition
 from pcjax.cli.parts import (
+    add_direction,
     add_outputs,
     add_run,
     check_data,
@@ -22,12 +23,7 @@ def add_evaluate(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
     add_condition(parser)
     add = parser.add_argument
-    add(
-        "--direction",
-        choices=("does", "eoen", "both"),
-        default=None,
-        help="what to evaluate (default: both on the wrist, does on the arm)",
-    )
+    add_direction(parser, "both on the wrist, does on the arm")
     add_run(parser)
     add("--json", action="store_true", help="print one JSON object on stdout, nothing else")
     add_outputs(parser, data="keep everything: .nc (netCDF)", plot="draw hand and survival curves")

@@ -6,12 +6,13 @@ import argparse
 import os
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 from pcjax import paper
 from pcjax.engines.choice import ENGINES
-from pcjax.study.spec import Run
+from pcjax.study.spec import Run, Study
 from pcjax.words import InputWarning
 
 PICTURES = (".png", ".svg", ".pdf", ".jpg", ".webp")
@@ -77,6 +78,23 @@ def add_dt(parser: argparse.ArgumentParser, default: str) -> None:
 
 
 RUN_FLAGS = ("trials", "max_steps", "seed", "engine", "dt", "precision")
+
+
+def as_flags_say(study: Study, arguments: argparse.Namespace) -> Study:
+    """The study run as the flags say, where the command has them and they are given."""
+    flags = {field.name: getattr(arguments, field.name, None) for field in fields(Run)}
+    given = {name: value for name, value in flags.items() if value is not None}
+    return replace(study, run=replace(study.run, **given))
+
+
+def add_direction(parser: argparse.ArgumentParser, default: str) -> None:
+    """Which way the object goes, and what it is unless given."""
+    parser.add_argument(
+        "--direction",
+        choices=("does", "eoen", "both"),
+        default=None,
+        help=f"what to evaluate (default: {default})",
+    )
 
 
 def run_settings(arguments: argparse.Namespace, usual: Run) -> dict[str, Any]:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 from tqdm.auto import tqdm
 
 from pcjax.cli.parser import Terminated
-from pcjax.cli.parts import RUN_FLAGS, add_run, check_data, number
+from pcjax.cli.parts import add_run, as_flags_say, check_data, number
 from pcjax.cli.results import table
 from pcjax.study.read import load_study
 from pcjax.sweep import Plan, run_sweep
@@ -52,10 +51,7 @@ def _share(text: str) -> float:
 
 def _run(arguments: argparse.Namespace) -> None:
     check_data(arguments.out)
-    study = load_study(arguments.study)
-    flags = {name: getattr(arguments, name) for name in (*RUN_FLAGS, "precision_target")}
-    given = {name: value for name, value in flags.items() if value is not None}
-    study = replace(study, run=replace(study.run, **given))
+    study = as_flags_say(load_study(arguments.study), arguments)
     plan = Plan(study)
     print(plan.describe(os.cpu_count() or 1), file=sys.stderr)
     try:

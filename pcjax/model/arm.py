@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from pcjax.checks import check_between
 from pcjax.components import quantity
-from pcjax.model.drive import Carriage, Drive, register_drive
+from pcjax.model.drive import Carriage, Drive, duration_field, gravity_field, register_drive
 from pcjax.model.motion import Carry, Motion
 from pcjax.planar import Flag, Scalar, Vec
 
@@ -89,24 +89,12 @@ class PlanarArm(Drive):
         default=-math.pi / 2,
         key="mount_angle",
     )
-    gravity: Scalar = quantity(
-        "acceleration", "g", default=9.8, low=0, key="gravity", flag="gravity"
-    )
+    gravity: Scalar = gravity_field()
     gravity_direction: Scalar = quantity(
         "angle", "where gravity points", default=-math.pi / 2, key="gravity_direction"
     )
-    ramp_time: float = quantity(
-        "time",
-        "of each period, in which the arm moves",
-        default=5.0,
-        low=0,
-        above=True,
-        key="ramp_time",
-        static=True,
-    )
-    period: float = quantity(
-        "time", "between new targets", default=10.0, low=0, above=True, key="period", static=True
-    )
+    ramp_time: float = duration_field("of each period, in which the arm moves", 5.0, "ramp_time")
+    period: float = duration_field("between new targets", 10.0, "period")
 
     targets_per_period = 3
     usual_directions = "does"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import equinox as eqx
 import numpy as np
@@ -16,6 +16,19 @@ BODIES: Registry[Body] = Registry("body", "pcjax.bodies")
 """The objects that study files and flags can name."""
 
 register_body = BODIES.register
+
+
+def size_field(help: str) -> Any:
+    """An object's size, which files and flags call its radius."""
+    return quantity(
+        "length",
+        help,
+        low=0,
+        above=True,
+        key="radius",
+        flag="radius",
+        usual="0.05 L_p on the wrist, 50 on the arm",
+    )
 
 
 class Body(Component):
@@ -72,15 +85,7 @@ class Circle(Body):
         ValueError: radius is -1: it has to be above 0
     """
 
-    radius: Scalar = quantity(
-        "length",
-        "r_o",
-        low=0,
-        above=True,
-        key="radius",
-        flag="radius",
-        usual="0.05 L_p on the wrist, 50 on the arm",
-    )
+    radius: Scalar = size_field("r_o")
     mass: Scalar = quantity("mass", "M_o", default=1.0, low=0, above=True)
 
     noun = "circle of radius"
@@ -119,15 +124,7 @@ class Stick(Body):
         833.3
     """
 
-    half_length: Scalar = quantity(
-        "length",
-        "r_o, its half length",
-        low=0,
-        above=True,
-        key="radius",
-        flag="radius",
-        usual="0.05 L_p on the wrist, 50 on the arm",
-    )
+    half_length: Scalar = size_field("r_o, its half length")
     orientation: Scalar = quantity(
         "angle",
         "its angle from the palm at the start",

@@ -22,6 +22,16 @@ DRIVES: Registry[Drive] = Registry("drive", "pcjax.drives", ("pcjax.model.arm",)
 register_drive = DRIVES.register
 
 
+def gravity_field() -> Any:
+    """g, as drives declare it."""
+    return quantity("acceleration", "g", default=9.8, low=0, key="gravity", flag="gravity")
+
+
+def duration_field(help: str, default: float, key: str) -> Any:
+    """A time that decides which code runs."""
+    return quantity("time", help, default=default, low=0, above=True, key=key, static=True)
+
+
 class Carriage(eqx.Module):
     """Where a drive has taken the hand at a time, to be drawn.
 
@@ -163,21 +173,9 @@ class WristTilt(Drive):
     amplitude: Scalar = quantity(
         "angle", "largest tilt", default=math.pi / 6, low=0, high=math.pi / 2, key="amplitude"
     )
-    gravity: Scalar = quantity(
-        "acceleration", "g", default=9.8, low=0, key="gravity", flag="gravity"
-    )
-    ramp_time: float = quantity(
-        "time",
-        "of each period, in which the wrist turns",
-        default=1.0,
-        low=0,
-        above=True,
-        key="ramp_time",
-        static=True,
-    )
-    period: float = quantity(
-        "time", "between new targets", default=10.0, low=0, above=True, key="period", static=True
-    )
+    gravity: Scalar = gravity_field()
+    ramp_time: float = duration_field("of each period, in which the wrist turns", 1.0, "ramp_time")
+    period: float = duration_field("between new targets", 10.0, "period")
     turned: Vec = eqx.field(default_factory=lambda: Vec(1.0, 0.0))
 
     targets_per_period = 2

@@ -89,15 +89,7 @@ class Scenario(eqx.Module):
     ):
         drive = WristTilt() if drive is None else drive
         law = ContactLaw() if law is None else law
-        for name, value, kind in (
-            ("hand", hand, HandDesign),
-            ("body", body, Body),
-            ("drive", drive, Drive),
-            ("law", law, ContactLaw),
-        ):
-            if not isinstance(value, kind):
-                what = f"the class {value.__name__}" if isinstance(value, type) else repr(value)
-                raise TypeError(f"{name} is {what}: it has to be a {kind.__name__}")
+        check_kinds(hand, body, drive, law)
         check_between("start_spread", start_spread, 0.0, 1.0)
         self.hand = hand
         self.body = body
@@ -167,6 +159,22 @@ class Scenario(eqx.Module):
             crossed = _distance_to_box(goal.a, goal.b, corners) <= 0.0
             outside = outside | crossed | jnp.logical_not(is_inside(region, corners[0]))
         return Fit(least - self.body.radius, outside)
+
+
+def check_kinds(hand: Any, body: Any, drive: Any, law: Any) -> None:
+    """
+    Raises:
+        TypeError: one of them is something else, such as a number or a class.
+    """
+    for name, value, kind in (
+        ("hand", hand, HandDesign),
+        ("body", body, Body),
+        ("drive", drive, Drive),
+        ("law", law, ContactLaw),
+    ):
+        if not isinstance(value, kind):
+            what = f"the class {value.__name__}" if isinstance(value, type) else repr(value)
+            raise TypeError(f"{name} is {what}: it has to be a {kind.__name__}")
 
 
 class Fit(eqx.Module):

@@ -34,13 +34,16 @@ EXAMPLE = (Path(__file__).parent / "example.toml").read_text(encoding="utf-8")
 """A commented study that runs; `pcjax study --example` prints it."""
 
 
-def _line_of(text: str, problem: str) -> int | None:
-    """The line, from 1, of what is wrong: of the key that the message names after its table, or of
-    the table's header."""
+def _named(problem: str) -> tuple[str, str]:
+    """The table and the key that a message is about; a table alone may be the key."""
     named = re.search(r"\[(\w+)\](?: ([\w-]+))?", problem)
-    table, key = (
-        named.groups() if named else ("", problem.removeprefix("unknown key ").split(":")[0])
-    )
+    if named is None:
+        return "", problem.removeprefix("unknown key ").split(":")[0]
+    return named.group(1), named.group(2) or ""
+
+
+def _line_of(text: str, table: str, key: str) -> int | None:
+    """The line, from 1, of a key, or of its table's header where the key is not there."""
     inside, header_at = table == "", None
     for number, line in enumerate(text.splitlines(), start=1):
         header = re.match(r"\s*\[\s*([\w-]+)\s*\]", line)
@@ -115,13 +118,20 @@ def read_study(
     try:
         study = reader.study()
     except ValueError as error:
-        line = _line_of(text, str(error))
-        where = "" if path is None else f"{path}, line {line}: " if line else f"{path}: "
-        raise ValueError(f"{where}{one_line(error)}") from None
+        table, key = _named(str(error))
+        if path is None or key in (instead or {}).get(table, {}):
+            raise ValueError(one_line(error)) from None
+        line = _line_of(text, table, key)
+        where = f"{path}, line {line}" if line else f"{path}"
+        raise ValueError(f"{where}: {one_line(error)}") from None
     for key, value in numbers.items():
         if not _is_number(value):
             raise ValueError(f"[hand] {key} does not apply to a hand of two chains")
-        study = replace(study.having({key: value}), sweep=study.sweep)
+        reader.doubt("hand", key, [value])
+        try:
+            study = replace(study.having({key: value}), sweep=study.sweep)
+        except ValueError as error:
+            raise ValueError(f"[hand] {key}: {one_line(error)}") from None
     return study, reader.doubts
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Mapping
@@ -15,7 +16,13 @@ from pcjax.model.contact_law import ContactLaw
 from pcjax.model.drive import DRIVES, Drive, WristTilt
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import HANDS
-from pcjax.model.scenario import DIRECTIONS, Scenario, default_direction, usual_max_steps
+from pcjax.model.scenario import (
+    DIRECTIONS,
+    Scenario,
+    check_kinds,
+    default_direction,
+    usual_max_steps,
+)
 from pcjax.study.vary import change
 from pcjax.study.write import hand_table, text_of
 
@@ -140,7 +147,7 @@ class Study:
     sweep: Sweep | None = None
 
     def __post_init__(self) -> None:
-        Scenario(self.hand, self.body, self.drive, self.law)
+        check_kinds(self.hand, self.body, self.drive, self.law)
 
     @classmethod
     def usual(
@@ -164,10 +171,15 @@ class Study:
     @property
     def directions(self) -> tuple[str, ...]:
         """Of "does" and "eoen", those to be evaluated."""
-        return self.directions_and_why()[0]
+        return self._directions_and_why[0]
 
-    def directions_and_why(self) -> tuple[tuple[str, ...], str]:
-        """The directions, and why EoEn is none of them where none was asked for; else ""."""
+    @property
+    def why_no_eoen(self) -> str:
+        """Why EoEn is none of the directions where none was asked for; else ""."""
+        return self._directions_and_why[1]
+
+    @functools.cached_property
+    def _directions_and_why(self) -> tuple[tuple[str, ...], str]:
         chosen, missing = self.run.direction, ""
         if chosen is None:
             chosen, missing = default_direction(self.hand, self.drive)
@@ -229,9 +241,9 @@ class Study:
         """
         tables = {
             "hand": hand_table(self.hand),
-            "body": {"kind": BODIES.kind_of(self.body)} | self.body.in_file(),
-            "drive": {"kind": DRIVES.kind_of(self.drive)} | self.drive.in_file(),
-            "contact": self.law.in_file(),
+            "body": {"kind": BODIES.kind_of(self.body)} | self.body.as_table(),
+            "drive": {"kind": DRIVES.kind_of(self.drive)} | self.drive.as_table(),
+            "contact": self.law.as_table(),
             "run": {k: v for k, v in vars(self.run).items() if v is not None},
         }
         if self.sweep is not None:

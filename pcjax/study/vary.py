@@ -49,18 +49,19 @@ def change(
         table, what = known[name]
         parts[table] = components[table].having(**{what.name: what.from_file(value)})
         return hand, parts
-    elsewhere = [
-        f"the {registry.noun} {kind}"
-        for registry in (BODIES, DRIVES)
-        for kind in registry.kinds()
-        if any(name == what.file_key for what in quantities(registry[kind]).values())
-    ]
-    if elsewhere:
-        raise ValueError(f"{name} is none of this study's numbers: {', '.join(elsewhere)} has it")
     bare = name.removesuffix("_deg")
     try:
         found = parameter(bare, hand)
     except ValueError as error:
+        elsewhere = [
+            f"the {registry.noun} {kind}"
+            for registry in (BODIES, DRIVES)
+            for kind in registry.kinds()
+            if any(name == what.file_key for what in quantities(registry[kind]).values())
+        ]
+        if elsewhere:
+            where = ", ".join(elsewhere)
+            raise ValueError(f"{name} is none of this study's numbers: {where} has it") from None
         told = [*_USUAL_OF_HANDS, "palm_length", *known, "start_spread"]
         hint = did_you_mean(name, told)
         if not hint and "there is no parameter" not in str(error):
