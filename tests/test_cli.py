@@ -256,6 +256,13 @@ def test_flags_win_over_a_study_file(command: Command, tmp_path: Path):
     for finger in (0, 1):
         assert told[f"hand.angles[{finger}][2]"] == pytest.approx(math.radians(70))
     check_refused(command(f"{line} --joint-angles 65 90"), "--joint-angles", "two chains")
+    # A fault of a flag is no fault of a line in the file.
+    check_refused(command(f"{line} --radius -1"), "pcjax: --radius is -1")
+    # Another kind of hand takes the place of the chains.
+    assert command(f"{line} --hand box --fingertip-angle 20").code == 0
+    told = json.loads(pcjax.Evaluation.load(tmp_path / "own.nc").dataset.attrs["parameters"])
+    assert told["does"]["hand.palm_length"] == 400
+    assert told["does"]["hand.lengths[0][2]"] == 80
 
 
 def test_lengths_that_are_not_given_follow_the_palm(command: Command):

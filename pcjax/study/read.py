@@ -113,7 +113,9 @@ def read_study(
         if table == "hand" and chains and "preset" not in keys:
             numbers |= keys
         elif isinstance(data.setdefault(table, {}), dict):
-            data[table] = data[table] | keys
+            # Another kind of hand takes the place of the file's chains.
+            gone = ("lengths", "angles_deg") if table == "hand" and "preset" in keys else ()
+            data[table] = {k: v for k, v in data[table].items() if k not in gone} | keys
     reader = _Reader(data)
     try:
         study = reader.study()
