@@ -20,6 +20,9 @@ Box = tuple[tuple[float, float], tuple[float, float]]
 _SLOW_FALL, _FAST_FALL = 30.0, 0.02
 """Seconds of a fall through the hand beyond which lengths and gravity hardly go together."""
 
+_TINY = 1e-4
+"""Radius over the hand's reach below which trials go wrong at 32 bits: one in a hundred here."""
+
 
 @dataclass(frozen=True)
 class View:
@@ -131,6 +134,11 @@ def inspect(study: Study) -> Inspection:
         doubts.append(
             f"a fall through the hand takes {fall:.2g} s: do lengths and gravity have the same "
             "unit (9.8 m/s^2 is 9,800 mm/s^2)?"
+        )
+    if study.run.precision == 32 and float(study.body.radius) < _TINY * reach:
+        doubts.append(
+            f"an object of {float(study.body.radius):.2g} is tiny beside a hand of {reach:.4g}: at "
+            "32 bits many a trial will go wrong, so use precision 64"
         )
     return Inspection(
         study, views, (float(across), float(up)), float(study.body.width), fall, tuple(doubts)

@@ -168,9 +168,10 @@ def indices_of(
     valid = status != INVALID
     if not valid.any():
         return {"index1": UNDEFINED, "index2": UNDEFINED}
+    lost = int(np.sum(~valid))
     return {
-        "index1": index1(steps[valid], limit, certain=caged),
-        "index2": index2(status[valid] == LIMIT, certain=caged),
+        "index1": index1(steps[valid], limit, certain=caged, lost=lost),
+        "index2": index2(status[valid] == LIMIT, certain=caged, lost=lost),
     }
 
 
@@ -185,10 +186,11 @@ def score_of(
     valid = (status != INVALID).all(axis=0)
     if not valid.any():
         return {"index1": UNDEFINED, "index2": UNDEFINED}
+    lost = int(np.sum(~valid))
     held, stayed = steps[:, valid].astype(float), (status[:, valid] == LIMIT).astype(float)
     return {
-        "index1": ratio(held[0], held[1], limit, certain=caged),
-        "index2": ratio(stayed[0], stayed[1], 1.0, certain=caged),
+        "index1": ratio(held[0], held[1], limit, certain=caged, lost=lost),
+        "index2": ratio(stayed[0], stayed[1], 1.0, certain=caged, lost=lost),
     }
 
 
@@ -411,10 +413,14 @@ class Evaluation:
         )
         # Of a hand that is a full cage it is known that every trial reaches the limit.
         mine, theirs = (0.0 if run._caged(direction) else 1.0 for run in (self, other))
-        limit = self.max_steps
+        samples = {
+            "index1": (self.max_steps, (steps - their_steps).astype(float)),
+            "index2": (1.0, stayed.astype(float) - they_stayed.astype(float)),
+        }
+        lost = int(np.sum(~valid))
         return {
-            "index1": mean((steps - their_steps).astype(float), -limit * mine, limit * theirs),
-            "index2": mean(stayed.astype(float) - they_stayed.astype(float), -mine, theirs),
+            name: mean(sample, -most * mine, most * theirs, lost=lost)
+            for name, (most, sample) in samples.items()
         }
 
     def _score_difference(self, other: Evaluation) -> dict[str, Estimate]:
@@ -425,7 +431,8 @@ class Evaluation:
         found = {}
         for k, (name, most) in enumerate((("index1", self.max_steps), ("index2", 1.0))):
             mine, theirs = (np.stack([one[k].astype(float) for one in pair]) for pair in pairs)
-            found[name] = ratio_difference(mine, theirs, most, certain=(a, b, c, d))
+            lost = int(np.sum(~valid))
+            found[name] = ratio_difference(mine, theirs, most, certain=(a, b, c, d), lost=lost)
         return found
 
     def status(self, direction: str) -> dict[str, int]:
@@ -470,7 +477,8 @@ class Evaluation:
             if counts["invalid"]:
                 notes.append(
                     f"{name}: {counts['invalid']} of {n} trials went wrong (a limb stepped over, "
-                    f"or not a number) and are left out of the indices; {cure}"
+                    "or not a number) and are left out of the indices; the intervals hold "
+                    f"wherever they would have ended; {cure}"
                 )
             if counts["limit"] == n and not caged:
                 notes.append(

@@ -91,6 +91,9 @@ def test_inspection_says_gap_starts_and_what_would_be_refused() -> None:
     huge = pcjax.inspect(study(0, radius=300.0))
     assert "does not fit" in huge.views["does"].problem
     assert huge.views["does"].gap is None
+    assert not pcjax.inspect(study(0, radius=0.15)).doubts
+    (doubt,) = pcjax.inspect(study(0, radius=0.1)).doubts
+    assert "precision 64" in doubt
 
 
 def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -399,6 +399,31 @@ def test_one_trial_has_bounds_but_no_error():
     assert 0 < score.low < 0.1 < 20 < score.high < math.inf
 
 
+@pytest.mark.parametrize(("stay", "pass_", "lost"), [(3, 5, 2), (40, 60, 1), (0, 9, 9), (5, 0, 95)])
+def test_trials_that_went_wrong_could_have_ended_either_way(stay: int, pass_: int, lost: int):
+    # Every one passes, or every one stays: from the one interval's end to the other one's.
+    known = np.arange(stay + pass_) < stay
+    estimate = index2(known, lost=lost)
+    fewest, most = (index2(np.concatenate([known, np.full(lost, all_)])) for all_ in (False, True))
+    assert estimate.value == stay / (stay + pass_)
+    assert (estimate.low, estimate.high) == pytest.approx((fewest.low, most.high), rel=1e-9)
+
+
+def test_intervals_hold_however_the_trials_that_went_wrong_would_have_ended():
+    rng = np.random.default_rng(11)
+    for _ in range(50):
+        n, lost = int(rng.integers(4, 60)), int(rng.integers(1, 20))
+        lives = rng.choice([rng.uniform(0, 9, (2, n)), np.full((2, n), 9.0)])
+        unknown = rng.choice([0.0, 4.0, 9.0], (2, lost))
+        whole = np.concatenate([lives, unknown], axis=1)
+        for guess, sure in (
+            (mean(lives[0], 0, 9, lost=lost), mean(whole[0], 0, 9)),
+            (ratio(*lives, 9, lost=lost), ratio(*whole, 9)),
+        ):
+            assert guess.low <= sure.low * (1 + 1e-6)
+            assert guess.high >= sure.high * (1 - 1e-6)
+
+
 @pytest.mark.parametrize("does", [[0.0, 0.0, 0.0], [1.0, 0.0, 1.0], [1.0]])
 def test_score_over_nothing_is_undefined(does: list[float]):
     assert same(ratio(np.array(does), np.zeros(len(does)), 1.0), UNDEFINED)

@@ -361,16 +361,18 @@ def test_invalid_trials_are_counted_and_left_out_in_pairs():
     assert noted(some, "EoEn", "1 of 5", "went wrong")
     # Alone, a direction leaves out its own; the score leaves out the pair.
     assert some.indices("does") == {
-        "index1": index1(np.array([100, 200, 1000, 500]), 1000),
-        "index2": index2(np.array([False, False, True, False])),
+        "index1": index1(np.array([100, 200, 1000, 500]), 1000, lost=1),
+        "index2": index2(np.array([False, False, True, False]), lost=1),
     }
     assert some.indices("eoen") == {
-        "index1": index1(np.array([150, 350, 1000, 1000]), 1000),
-        "index2": index2(np.array([False, False, True, True])),
+        "index1": index1(np.array([150, 350, 1000, 1000]), 1000, lost=1),
+        "index2": index2(np.array([False, False, True, True]), lost=1),
     }
     assert some.score() == {
-        "index1": ratio(np.array([100.0, 1000, 500]), np.array([150.0, 1000, 1000]), 1000.0),
-        "index2": ratio(np.array([0.0, 1.0, 0.0]), np.array([0.0, 1.0, 1.0]), 1.0),
+        "index1": ratio(
+            np.array([100.0, 1000, 500]), np.array([150.0, 1000, 1000]), 1000.0, lost=2
+        ),
+        "index2": ratio(np.array([0.0, 1.0, 0.0]), np.array([0.0, 1.0, 1.0]), 1.0, lost=2),
     }
     times, left = some.survival("does")
     assert times.tolist() == [0, 100, 200, 500]

@@ -84,7 +84,10 @@ def _bounds(
 
     most = np.broadcast_to([surrogate.task.max_steps * PAPER_DT, 1.0], shape).ravel()
     found = extremes(
-        values.reshape(len(most), -1), np.stack([0 * most, most]), lambda m: judge(m)[1]
+        values.reshape(len(most), -1),
+        np.stack([0 * most, most]),
+        lambda m: judge(m)[1],
+        int(np.sum(~sample.valid)),
     )
     low, high = (judge(means)[0] for means in found)
     return low, high

@@ -44,7 +44,9 @@ class Estimate:
 UNDEFINED = Estimate(math.nan, math.nan, math.nan, math.nan)
 
 
-def index1(steps: Integer[np.ndarray, " trials"], limit: int, *, certain: bool = False) -> Estimate:
+def index1(
+    steps: Integer[np.ndarray, " trials"], limit: int, *, certain: bool = False, lost: int = 0
+) -> Estimate:
     """Index 1: mean of min(escape step, limit), the restricted mean survival time.
 
     Every trial is followed to the limit, so the sample mean is the exact estimator.
@@ -53,24 +55,29 @@ def index1(steps: Integer[np.ndarray, " trials"], limit: int, *, certain: bool =
         steps: escape steps, those of trials that never escape replaced by the limit.
         limit: the step limit.
         certain: whether it is known that nothing can escape, so that no trial could be less.
+        lost: how many trials went wrong and are not in the sample (see `extremes`).
     """
-    return mean(steps.astype(float), limit if certain else 0, limit)
+    return mean(steps.astype(float), limit if certain else 0, limit, lost=lost)
 
 
-def index2(stayed: Bool[np.ndarray, " trials"], *, certain: bool = False) -> Estimate:
-    """Index 2: share of trials that reach the limit, `certain` as for `index1`."""
+def index2(
+    stayed: Bool[np.ndarray, " trials"], *, certain: bool = False, lost: int = 0
+) -> Estimate:
+    """Index 2: share of trials that reach the limit, `certain` and `lost` as for `index1`."""
     share = float(np.mean(stayed))
     se = math.sqrt(share * (1 - share) / len(stayed))
-    bounds = mean(stayed.astype(float), float(certain), 1)
+    bounds = mean(stayed.astype(float), float(certain), 1, lost=lost)
     return Estimate(share, se, bounds.low, bounds.high)
 
 
-def mean(sample: Float[np.ndarray, " trials"], least: float, most: float) -> Estimate:
-    """The mean of something that is never under `least` nor over `most`."""
+def mean(
+    sample: Float[np.ndarray, " trials"], least: float, most: float, *, lost: int = 0
+) -> Estimate:
+    """The mean of something that is never under `least` nor over `most`, `lost` of it unknown."""
     n, value = len(sample), float(np.mean(sample))
     se = float(np.std(sample, ddof=1)) / math.sqrt(n) if n > 1 else math.nan
     ends = np.array([[least], [most]], float)
-    low, high = (float(m[0]) for m in extremes(sample[None], ends, np.ones_like))
+    low, high = (float(m[0]) for m in extremes(sample[None], ends, np.ones_like, lost))
     return Estimate(value, se, min(low, value), max(high, value))
 
 
@@ -80,6 +87,7 @@ def ratio(
     most: float,
     *,
     certain: tuple[bool, bool] = (False, False),
+    lost: int = 0,
 ) -> Estimate:
     """A score (18): mean of `does` over mean of `eoen`, trial i of both from the same draws.
 
@@ -89,6 +97,7 @@ def ratio(
     Arguments:
         does, eoen: numbers from 0 to `most`.
         certain: whether it is known of each that it is `most` always.
+        lost: how many pairs went wrong and are not in the sample (see `extremes`).
     """
     top, bottom = float(np.mean(does)), float(np.mean(eoen))
     if bottom == 0:
@@ -103,6 +112,7 @@ def ratio(
             np.stack([does, eoen]),
             np.stack([least, np.full(2, most)]),
             lambda m: np.array([1.0, -m[0] / m[1]]),
+            lost,
         )
     )
     return Estimate(value, se, min(low, value), max(high, value))
@@ -114,6 +124,7 @@ def ratio_difference(
     most: float,
     *,
     certain: tuple[bool, bool, bool, bool] = (False, False, False, False),
+    lost: int = 0,
 ) -> Estimate:
     """How much higher one ratio of means is than another one, of the same trials.
 
@@ -122,6 +133,7 @@ def ratio_difference(
     Arguments:
         one, other: DoEs' numbers and EoEn's, from 0 to `most`.
         certain: whether it is known of each of the four that it is `most` always.
+        lost: how many trials went wrong and are not in the samples (see `extremes`).
     """
     means = np.concatenate([one.mean(axis=1), other.mean(axis=1)])
     if means[1] == 0 or means[3] == 0:
@@ -138,7 +150,7 @@ def ratio_difference(
     influence = slopes(means) @ samples
     se = float(np.std(influence, ddof=1)) / math.sqrt(n) if n > 1 else math.nan
     ends = np.stack([np.where(certain, most, 0.0), np.full(4, most)])
-    low, high = (value(m) for m in extremes(samples, ends, slopes))
+    low, high = (value(m) for m in extremes(samples, ends, slopes, lost))
     found = value(means)
     return Estimate(found, se, min(low, found), max(high, found))
 
@@ -147,6 +159,7 @@ def extremes(
     values: Float[np.ndarray, "k trials"],
     ends: Float[np.ndarray, "2 k"],
     slopes: Callable[[Float[np.ndarray, " k"]], Float[np.ndarray, " k"]],
+    lost: int = 0,
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
     """The means at which a function of them is lowest and highest, within 95 % confidence.
 
@@ -157,6 +170,9 @@ def extremes(
     it is the interval of Clopper and Pearson, and for many trials the normal one. The quantile is
     a saddlepoint's, within 1 % of the exact one.
 
+    A trial that went wrong could have ended anywhere, and why it did may have to do with how it
+    would have ended. So it counts as far out as it can be, too.
+
     For another function, its slope at the means so found says what to bound next, until it stays
     (for a ratio this is Dinkelbach's method).
 
@@ -164,6 +180,7 @@ def extremes(
         values: of each trial.
         ends: the least and the most that each value can be.
         slopes: derivatives of the function by the means, up to a positive factor.
+        lost: how many trials went wrong and are not among the values.
 
     Returns:
         The means where the function is lowest, and where it is highest.
@@ -178,10 +195,11 @@ def extremes(
             if np.abs(slope - before).max() <= 1e-6 * np.abs(slope).max():
                 break  # the bounds are then known to about as much
             corner = np.where(slope > 0, ends[1], ends[0])
-            distance = np.append(slope @ (corner[:, None] - values), 0.0)
+            distance = np.append(slope @ (corner[:, None] - values), np.zeros(1 + lost))
             weights = _weights(distance)
             # Not beyond the ends by rounding.
-            means = np.clip(values @ weights[:-1] + corner * weights[-1], *ends)
+            means = values @ weights[:count] + corner * weights[count:].sum()
+            means = np.clip(means, *ends)
             before = slope
         found.append(means)
     return found[0], found[1]
