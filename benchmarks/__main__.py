@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 
 from benchmarks import numba_loop, pymunk_scene
 from benchmarks.inputs import as_arrays
-from pcjax import paper
-from pcjax.engines.choice import choose_engine
-from pcjax.evaluation import evaluate_grid
-from pcjax.model.body import Circle
+from pcjax.model.bodies.circle import Circle
 from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
+from pcjax.paper import constants as paper
+from pcjax.simulate.choose import choose_engine
+from pcjax.study.evaluate import evaluate_grid
 
 SAMPLE = ((0.01, -20.0), (0.05, 10.0), (0.1, 40.0))
 """Radius in palm lengths and fingertip angle in degrees; each in both directions."""

@@ -75,8 +75,8 @@ def chain_hand(limbs: int, gap_width: float) -> Any:
 
 def measure(point: Point) -> Point:
     """Runs one point in this process: seconds, simulated steps and peak memory."""
-    from pcjax.evaluation import evaluate
-    from pcjax.model.body import Circle
+    from pcjax.model.bodies.circle import Circle
+    from pcjax.study.evaluate import evaluate
 
     hand = chain_hand(point["limbs"], point["gap_width"])
 

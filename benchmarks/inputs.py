@@ -7,9 +7,9 @@ from typing import Any
 import jax
 import numpy as np
 
-from pcjax.engines.draws import period_draws, start_draws, trial_key
-from pcjax.model.drive import WristTilt
+from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.scenario import Scenario
+from pcjax.simulate.draws import period_draws, start_draws, trial_key
 
 
 def as_arrays(scenario: Scenario, *, trials: int, max_steps: int, seed: int = 0) -> dict[str, Any]:

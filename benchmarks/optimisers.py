@@ -13,15 +13,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from pcjax import paper
-from pcjax.design.baselines import search_cma, search_grid
 from pcjax.design.compare import compare
+from pcjax.design.gradients import Differences
 from pcjax.design.optimize import Optimum, Settings, optimize
+from pcjax.design.search import search_cma, search_grid
 from pcjax.design.space import DesignSpace, design_space
-from pcjax.model.body import Circle
-from pcjax.model.drive import WristTilt
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.presets import box_hand
-from pcjax.quality.gradients import Differences
+from pcjax.paper import constants as paper
 from pcjax.quality.surrogate import Surrogate, Task
 
 _UNSEEN = 777

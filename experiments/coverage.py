@@ -23,12 +23,13 @@ from scipy.special import stdtrit
 from scipy.stats import binomtest
 from tqdm import tqdm
 
-from pcjax.engines.choice import choose_engine
-from pcjax.engines.ensemble import LIMIT, run
-from pcjax.model.body import Circle
+from pcjax.model.bodies.circle import Circle
 from pcjax.model.presets import box_hand
 from pcjax.model.scenario import DIRECTIONS
 from pcjax.quality.indices import Estimate, mean, ratio
+from pcjax.simulate.batch import run
+from pcjax.simulate.choose import choose_engine
+from pcjax.simulate.outcomes import LIMIT
 
 POOLS = {
     "ordinary": (25.0, 200.0, (10, 20), 600_000),

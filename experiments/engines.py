@@ -22,18 +22,19 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from pcjax.engines.ensemble import run
-from pcjax.engines.event import EventDriven
-from pcjax.engines.lanes import Engine
-from pcjax.engines.stepping import Stepping
-from pcjax.model.arm import PlanarArm
-from pcjax.model.body import Circle, Stick
-from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import WristTilt
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.bodies.stick import Stick
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.arm import PlanarArm
+from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does, eoen
-from pcjax.physics.step import INVALID
+from pcjax.physics.state import INVALID
+from pcjax.simulate.batch import run
+from pcjax.simulate.event import EventDriven
+from pcjax.simulate.lanes import Engine
+from pcjax.simulate.stepping import Stepping
 
 RESULTS = Path(__file__).parent / "results"
 STILL_GOOD = 1e-3

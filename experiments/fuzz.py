@@ -21,17 +21,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from pcjax.engines.choice import choose_engine, safe_step
-from pcjax.engines.ensemble import Outcomes, run
-from pcjax.engines.event import EventDriven, Flight, leap
-from pcjax.engines.stepping import Stepping
-from pcjax.model.body import Circle
-from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import Swing, WristTilt
+from pcjax.geometry import Vec
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.wrist import Swing, WristTilt
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import Scenario, check_geometry, does, eoen
-from pcjax.physics.step import INVALID, PASSED, RUNNING, State, advance
-from pcjax.planar import Vec
+from pcjax.physics.state import INVALID, PASSED, RUNNING, State
+from pcjax.physics.step import advance
+from pcjax.simulate.batch import run
+from pcjax.simulate.choose import choose_engine, safe_step
+from pcjax.simulate.event import EventDriven, Flight, leap
+from pcjax.simulate.outcomes import Outcomes
+from pcjax.simulate.stepping import Stepping
 
 RESULTS = Path(__file__).parent / "results"
 

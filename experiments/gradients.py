@@ -19,14 +19,14 @@ import jax
 import numpy as np
 from matplotlib.figure import Figure
 
-import pcjax.physics.step
-from pcjax import paper
+from pcjax.design.gradients import Differences, Estimator, Gradient, Pathwise, mixed
 from pcjax.design.space import DesignSpace, design_space
-from pcjax.model.arm import PlanarArm
-from pcjax.model.body import Circle
-from pcjax.model.drive import WristTilt
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.drives.arm import PlanarArm
+from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.presets import box_hand, two_joint_hand
-from pcjax.quality.gradients import Differences, Estimator, Gradient, Pathwise, mixed
+from pcjax.paper import constants as paper
+from pcjax.physics.contact import circle
 from pcjax.quality.surrogate import Surrogate, Task
 
 RESULTS = Path(__file__).parent / "results"
@@ -96,13 +96,13 @@ def groups() -> list[tuple[str, Surrogate, DesignSpace, list[np.ndarray]]]:
 @contextlib.contextmanager
 def push_out_alone() -> Iterator[None]:
     """Contact without impacts at their times: the circle is only put back at the end of a step."""
-    impact = pcjax.physics.step.bounce
-    pcjax.physics.step.bounce = lambda law, contact, radius, end, dt, one: end
+    impact = circle.bounce
+    circle.bounce = lambda law, contact, radius, end, dt, one: end
     jax.clear_caches()
     try:
         yield
     finally:
-        pcjax.physics.step.bounce = impact
+        circle.bounce = impact
         jax.clear_caches()
 
 

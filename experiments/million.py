@@ -15,15 +15,15 @@ from pathlib import Path
 import numpy as np
 
 from experiments.fuzz import farthest_stray
-from pcjax.engines.choice import choose_engine
-from pcjax.engines.ensemble import run
-from pcjax.model.body import Circle
-from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import WristTilt
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, check_geometry, does, eoen
-from pcjax.physics.step import INVALID, PASSED
+from pcjax.physics.state import INVALID, PASSED
+from pcjax.simulate.batch import run
+from pcjax.simulate.choose import choose_engine
 
 RESULTS = Path(__file__).parent / "results"
 

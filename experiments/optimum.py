@@ -23,15 +23,15 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import rankdata
 
-from pcjax import paper
-from pcjax.design.baselines import search_cma
 from pcjax.design.compare import compare
 from pcjax.design.optimize import Settings, optimize
+from pcjax.design.search import search_cma
 from pcjax.design.space import DesignSpace, design_space
-from pcjax.model.arm import PlanarArm
-from pcjax.model.body import Circle
-from pcjax.model.drive import WristTilt
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.drives.arm import PlanarArm
+from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.presets import box_hand, two_joint_hand
+from pcjax.paper import constants as paper
 from pcjax.quality.surrogate import Surrogate, Task
 
 RESULTS = Path(__file__).parent / "results"

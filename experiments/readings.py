@@ -27,17 +27,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
-from pcjax import paper
-from pcjax.engines.choice import choose_engine
-from pcjax.engines.ensemble import run
-from pcjax.evaluation import evaluate_grid
-from pcjax.figures import Curve, curve, score_curve
-from pcjax.model.body import Circle
-from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import WristTilt
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.presets import box_hand
 from pcjax.model.scenario import DIRECTIONS, Scenario
-from pcjax.physics.step import INVALID
+from pcjax.paper import constants as paper
+from pcjax.paper.figures import Curve, curve, score_curve
+from pcjax.physics.state import INVALID
+from pcjax.simulate.batch import run
+from pcjax.simulate.choose import choose_engine
+from pcjax.study.evaluate import evaluate_grid
 
 DEFAULTS = {"start spread": 0.1, "ramp": 1.0, "restitution": 0.1, "gravity": 9.8}
 READINGS = {

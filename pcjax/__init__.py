@@ -4,80 +4,84 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pcjax.comparison import Ranking, compare
+    from pcjax.design.gradients import Differences, Mixture, Pathwise, differentiable_score
+    from pcjax.design.map import score_map
     from pcjax.design.optimize import Optimum, Settings, optimize
-    from pcjax.design.score_map import score_map
     from pcjax.design.space import DesignSpace, design_space
-    from pcjax.engines.stepping import trajectory
-    from pcjax.evaluation import evaluate, evaluate_grid, evaluate_study
-    from pcjax.export import export_hand
-    from pcjax.inspection import Inspection, inspect
-    from pcjax.model.arm import PlanarArm
-    from pcjax.model.body import Body, Circle, Stick, register_body
-    from pcjax.model.contact_law import ContactLaw
-    from pcjax.model.drive import Drive, WristTilt, register_drive
+    from pcjax.model.bodies.base import Body, register_body
+    from pcjax.model.bodies.circle import Circle
+    from pcjax.model.bodies.stick import Stick
+    from pcjax.model.contact import ContactLaw
+    from pcjax.model.drives.arm import PlanarArm
+    from pcjax.model.drives.base import Drive, register_drive
+    from pcjax.model.drives.wrist import WristTilt
     from pcjax.model.hand import HandDesign
     from pcjax.model.presets import box_hand, register_hand, two_joint_hand
     from pcjax.model.scenario import Scenario, does, eoen
-    from pcjax.physics.step import State, step
-    from pcjax.quality.gradients import Differences, Mixture, Pathwise, differentiable_score
+    from pcjax.physics.state import State
+    from pcjax.physics.step import step
     from pcjax.quality.indices import Estimate
     from pcjax.quality.surrogate import Surrogate, Task
-    from pcjax.results import Evaluation
+    from pcjax.results.evaluation import Evaluation
+    from pcjax.simulate.stepping import trajectory
+    from pcjax.study.compare import Ranking, compare
+    from pcjax.study.evaluate import evaluate, evaluate_grid, evaluate_study
+    from pcjax.study.inspect import Inspection, inspect
     from pcjax.study.read import load_study
     from pcjax.study.spec import Run, Study, Sweep
-    from pcjax.sweep import run_sweep
-    from pcjax.viz.animation import animate
-    from pcjax.viz.designs import plot_map
+    from pcjax.sweep.run import run_sweep
+    from pcjax.view.animation import animate
+    from pcjax.view.designs import plot_map
+    from pcjax.view.export import export_hand
 
 _WHERE = {
-    "Body": "pcjax.model.body",
-    "Circle": "pcjax.model.body",
-    "ContactLaw": "pcjax.model.contact_law",
+    "Body": "pcjax.model.bodies.base",
+    "Circle": "pcjax.model.bodies.circle",
+    "ContactLaw": "pcjax.model.contact",
     "DesignSpace": "pcjax.design.space",
-    "Differences": "pcjax.quality.gradients",
-    "Drive": "pcjax.model.drive",
+    "Differences": "pcjax.design.gradients",
+    "Drive": "pcjax.model.drives.base",
     "Estimate": "pcjax.quality.indices",
-    "Evaluation": "pcjax.results",
+    "Evaluation": "pcjax.results.evaluation",
     "HandDesign": "pcjax.model.hand",
-    "Mixture": "pcjax.quality.gradients",
-    "Inspection": "pcjax.inspection",
+    "Mixture": "pcjax.design.gradients",
+    "Inspection": "pcjax.study.inspect",
     "Optimum": "pcjax.design.optimize",
-    "Pathwise": "pcjax.quality.gradients",
-    "PlanarArm": "pcjax.model.arm",
-    "Ranking": "pcjax.comparison",
+    "Pathwise": "pcjax.design.gradients",
+    "PlanarArm": "pcjax.model.drives.arm",
+    "Ranking": "pcjax.study.compare",
     "Run": "pcjax.study.spec",
     "Scenario": "pcjax.model.scenario",
     "Settings": "pcjax.design.optimize",
-    "State": "pcjax.physics.step",
-    "Stick": "pcjax.model.body",
+    "State": "pcjax.physics.state",
+    "Stick": "pcjax.model.bodies.stick",
     "Study": "pcjax.study.spec",
     "Surrogate": "pcjax.quality.surrogate",
     "Sweep": "pcjax.study.spec",
     "Task": "pcjax.quality.surrogate",
-    "WristTilt": "pcjax.model.drive",
-    "animate": "pcjax.viz.animation",
+    "WristTilt": "pcjax.model.drives.wrist",
+    "animate": "pcjax.view.animation",
     "box_hand": "pcjax.model.presets",
-    "compare": "pcjax.comparison",
+    "compare": "pcjax.study.compare",
     "design_space": "pcjax.design.space",
-    "differentiable_score": "pcjax.quality.gradients",
+    "differentiable_score": "pcjax.design.gradients",
     "does": "pcjax.model.scenario",
     "eoen": "pcjax.model.scenario",
-    "evaluate": "pcjax.evaluation",
-    "evaluate_grid": "pcjax.evaluation",
-    "evaluate_study": "pcjax.evaluation",
-    "export_hand": "pcjax.export",
-    "inspect": "pcjax.inspection",
+    "evaluate": "pcjax.study.evaluate",
+    "evaluate_grid": "pcjax.study.evaluate",
+    "evaluate_study": "pcjax.study.evaluate",
+    "export_hand": "pcjax.view.export",
+    "inspect": "pcjax.study.inspect",
     "load_study": "pcjax.study.read",
     "optimize": "pcjax.design.optimize",
-    "plot_map": "pcjax.viz.designs",
-    "register_body": "pcjax.model.body",
-    "register_drive": "pcjax.model.drive",
+    "plot_map": "pcjax.view.designs",
+    "register_body": "pcjax.model.bodies.base",
+    "register_drive": "pcjax.model.drives.base",
     "register_hand": "pcjax.model.presets",
-    "run_sweep": "pcjax.sweep",
-    "score_map": "pcjax.design.score_map",
+    "run_sweep": "pcjax.sweep.run",
+    "score_map": "pcjax.design.map",
     "step": "pcjax.physics.step",
-    "trajectory": "pcjax.engines.stepping",
+    "trajectory": "pcjax.simulate.stepping",
     "two_joint_hand": "pcjax.model.presets",
 }
 """Where each public name is. They are imported when they are asked for: JAX takes half a second."""

@@ -208,7 +208,8 @@ class Registry(Generic[C]):
         own: modules of this package that register some, imported when they are looked for.
 
     Examples:
-        >>> from pcjax.model.body import BODIES, Circle
+        >>> from pcjax.model.bodies.base import BODIES
+        >>> from pcjax.model.bodies.circle import Circle
         >>> BODIES["circle"] is Circle
         True
         >>> BODIES["crcle"]

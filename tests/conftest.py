@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import jax
 import pytest
 
-from pcjax.compilation_cache import VARIABLE, use_compilation_cache
+from pcjax.cli.compilation_cache import VARIABLE, use_compilation_cache
 
 _PROGRAMS = None
 if "PYTEST_XDIST_WORKER" not in os.environ:

@@ -13,13 +13,13 @@ from matplotlib.animation import FFMpegWriter
 from PIL import Image
 
 import pcjax
-from pcjax.engines.draws import period_draws, trial_key
-from pcjax.engines.ensemble import LIMIT
-from pcjax.engines.recording import Recording, pick_trial, record
 from pcjax.model.hand import points_of
-from pcjax.physics.step import PASSED
-from pcjax.viz.animation import animate
-from pcjax.viz.scene import plot_scenes
+from pcjax.physics.state import PASSED
+from pcjax.simulate.draws import period_draws, trial_key
+from pcjax.simulate.outcomes import LIMIT
+from pcjax.simulate.replay import Recording, pick_trial, record
+from pcjax.view.animation import animate
+from pcjax.view.scene import plot_scenes
 
 OWN = pcjax.HandDesign(
     400.0, ((350.0, 120.0, 80.0), (300.0, 100.0, 60.0)), ((1.4, 1.66, 1.3), (1.48, 1.66, 1.05))

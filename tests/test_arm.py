@@ -11,17 +11,20 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pcjax.engines.draws import period_draws, start_draws, trial_key
-from pcjax.engines.ensemble import LIMIT, run
-from pcjax.engines.stepping import Stepping, trajectory
-from pcjax.model.arm import Gesture, PlanarArm
-from pcjax.model.body import Circle, Stick
-from pcjax.model.contact_law import ContactLaw
+from pcjax.geometry import Vec
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.bodies.stick import Stick
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.arm import Gesture, PlanarArm
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, check_geometry, does, eoen
-from pcjax.physics.step import INVALID, State, at_rest, step
-from pcjax.planar import Vec
+from pcjax.physics.state import INVALID, State, at_rest
+from pcjax.physics.step import step
+from pcjax.simulate.batch import run
+from pcjax.simulate.draws import period_draws, start_draws, trial_key
+from pcjax.simulate.outcomes import LIMIT
+from pcjax.simulate.stepping import Stepping, trajectory
 from tests.reference import world
 
 pytestmark = pytest.mark.usefixtures("x64")

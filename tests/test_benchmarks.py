@@ -10,7 +10,7 @@ import pytest
 from benchmarks import numba_loop
 from benchmarks.growth import chain_hand
 from benchmarks.inputs import as_arrays
-from pcjax.model.body import Circle
+from pcjax.model.bodies.circle import Circle
 from pcjax.model.presets import box_hand
 from pcjax.model.scenario import does
 

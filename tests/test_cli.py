@@ -22,11 +22,11 @@ import xarray as xr
 from matplotlib.image import imread
 
 import pcjax
-from pcjax import paper
-from pcjax.claims import FIGURES_NEEDED, judge_claims
 from pcjax.cli import main
-from pcjax.compilation_cache import OLDEST_JAX, cache_folder
-from pcjax.figures import run_figure
+from pcjax.cli.compilation_cache import OLDEST_JAX, cache_folder
+from pcjax.paper import constants as paper
+from pcjax.paper.claims import FIGURES_NEEDED, judge_claims
+from pcjax.paper.figures import run_figure
 from pcjax.study import Study
 
 # A wide gate and inclined fingertips: within 50 s about half of the trials pass.

@@ -11,8 +11,8 @@ import pytest
 
 import pcjax
 from pcjax.cli import main
-from pcjax.comparison import names_of
 from pcjax.quality.indices import ratio, ratio_difference
+from pcjax.study.compare import names_of
 
 RUN = pcjax.Run(trials=200, max_steps=30_000, seed=3)
 

@@ -8,14 +8,16 @@ import sys
 import pytest
 
 from pcjax.components import Registry, quantities
-from pcjax.model.body import BODIES, Body, Circle, Stick
-from pcjax.model.drive import DRIVES
+from pcjax.model.bodies.base import BODIES, Body
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.bodies.stick import Stick
+from pcjax.model.drives.base import DRIVES
 from pcjax.model.presets import HANDS
 
 
 def test_every_kind_is_there_whatever_was_imported() -> None:
     code = (
-        "from pcjax.model.drive import DRIVES; from pcjax.model.body import BODIES\n"
+        "from pcjax.model.drives.base import DRIVES; from pcjax.model.bodies.base import BODIES\n"
         "assert {'wrist', 'arm'} <= set(DRIVES.kinds()), DRIVES.kinds()\n"
         "assert DRIVES['arm'].__name__ == 'PlanarArm'\n"
         "assert {'circle', 'stick'} <= set(BODIES.kinds()), BODIES.kinds()\n"

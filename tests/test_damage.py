@@ -22,18 +22,21 @@ import pytest
 import xarray as xr
 
 import pcjax
-import pcjax.netcdf
-import pcjax.sweep
+import pcjax.results.netcdf
+import pcjax.sweep.plan
 from pcjax.cli import main
-from pcjax.compilation_cache import SealedCache
+from pcjax.cli.compilation_cache import SealedCache
 from pcjax.design.optimize import Progress, Step, _keep, _load
-from pcjax.engines.ensemble import Outcomes
-from pcjax.files import locked, unsealed
-from pcjax.reading import load_dataset
-from pcjax.results import provenance, save_dataset
+from pcjax.results.files import locked, unsealed
+from pcjax.results.reading import load_dataset
+from pcjax.results.saving import save_dataset
+from pcjax.results.schema import provenance
+from pcjax.simulate.outcomes import Outcomes
 from pcjax.study.read import EXAMPLE, load_study
 from pcjax.study.spec import Run, Study, Sweep
-from pcjax.sweep import Parts, Plan, Task, run_sweep
+from pcjax.sweep.plan import Part, Plan
+from pcjax.sweep.run import run_sweep
+from pcjax.sweep.store import Store
 
 MUTATIONS = int(os.environ.get("PCJAX_MUTATIONS", "60"))
 """Of each kind of file; thousands by hand: PCJAX_MUTATIONS=3000 pytest tests/test_damage.py -s."""
@@ -98,25 +101,25 @@ def damaged(
     return found
 
 
-def made_up(task: Task) -> Outcomes:
-    """Outcomes that a task could have, of its name alone."""
-    draw = np.random.default_rng(list(task.name.encode()))
-    steps = draw.integers(1, task.max_steps, (len(task.cells), task.trials), np.int32)
-    return Outcomes(steps, np.ones(steps.shape, np.uint8), task.max_steps)
+def made_up(part: Part) -> Outcomes:
+    """Outcomes that a part could have, of its name alone."""
+    draw = np.random.default_rng(list(part.name.encode()))
+    steps = draw.integers(1, part.max_steps, (len(part.cells), part.trials), np.int32)
+    return Outcomes(steps, np.ones(steps.shape, np.uint8), part.max_steps)
 
 
 @contextmanager
 def without_running(ran: list[str] | None = None) -> Iterator[None]:
-    """Tasks give made-up outcomes at once; their names are appended to `ran`."""
+    """Parts give made-up outcomes at once; their names are appended to `ran`."""
 
-    def run(task: Task, workers: int | None = None) -> Outcomes:
+    def run(part: Part, workers: int | None = None) -> Outcomes:
         if ran is not None:
-            ran.append(task.name)
-        return made_up(task)
+            ran.append(part.name)
+        return made_up(part)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Task, "run", run)
-        patch.setattr(pcjax.sweep, "BLOCK", 10)
+        patch.setattr(Part, "run", run)
+        patch.setattr(pcjax.sweep.plan, "BLOCK", 10)
         yield
 
 
@@ -176,7 +179,7 @@ def test_a_result_on_which_hdf5_loops_for_ever_is_refused(
     kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """None loops in every version: one that takes too long stands for it."""
-    monkeypatch.setattr(pcjax.netcdf, "PATIENCE", 0.01)
+    monkeypatch.setattr(pcjax.results.netcdf, "PATIENCE", 0.01)
     (tmp_path / "old.nc").write_bytes((kept / "old.nc").read_bytes())
     with pytest.raises(ValueError, match=r"old.nc is no result .* HDF5 has not come to an end"):
         load_dataset(tmp_path / "old.nc")
@@ -206,8 +209,15 @@ def test_what_no_result_can_hold_is_refused_by_show(
     assert words in refused(["show", str(tmp_path / "lies.nc")], capsys)
 
 
-@pytest.mark.parametrize("kind", ["sweep", "evaluation", "figure"])
-@pytest.mark.parametrize("name", ["max_steps", "seed", "engine", "direction", "gap"])
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        (kind, name)
+        for kind in ("sweep", "evaluation", "figure")
+        for name in ("max_steps", "seed", "engine", "direction", "gap")
+        if (kind, name) != ("figure", "direction")
+    ],
+)
 def test_what_a_result_lacks_is_said(kind: str, name: str, kept: Path, tmp_path: Path) -> None:
     data = load_dataset(kept / f"{kind}.nc")
     if name in data.variables:
@@ -217,6 +227,22 @@ def test_what_a_result_lacks_is_said(kind: str, name: str, kept: Path, tmp_path:
     save_dataset(data, tmp_path / "lacks.nc")
     with pytest.raises(ValueError, match=rf"lacks.nc is no result .* {name}|directions are not"):
         load_dataset(tmp_path / "lacks.nc")
+
+
+def test_a_figure_that_is_none_of_the_papers_is_refused(
+    kept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = load_dataset(kept / "figure.nc")
+    for lies, words in (
+        (data.drop_vars("direction"), "direction is missing"),
+        (data.assign_attrs(figure="99"), "no figure '99'"),
+        (data.assign_coords(theta_1=data.theta_1 + 1), "not those of Fig. 13"),
+    ):
+        save_dataset(lies, tmp_path / "lies.nc")
+        for line in (["show"], ["plot", "--plot", str(tmp_path / "p.png")]):
+            said = refused([line[0], str(tmp_path / "lies.nc"), *line[1:]], capsys)
+            assert words in said
+            assert "lies.nc" in said
 
 
 def test_a_declared_size_is_not_allocated(kept: Path, tmp_path: Path) -> None:
@@ -237,30 +263,30 @@ def test_a_map_is_not_shown(kept: Path, capsys: pytest.CaptureFixture[str]) -> N
 
 def test_a_damaged_part_is_done_again(tmp_path: Path) -> None:
     with without_running():
-        task = Plan(STUDY).tasks(list(Plan(STUDY).cells), 0, 10)[0]
-    parts = Parts(tmp_path / "r.nc", "told")
-    parts.keep(task, made_up(task))
-    path = parts.folder / f"{task.name}.npz"
+        part = Plan(STUDY).parts(list(Plan(STUDY).cells), 0, 10)[0]
+    store = Store(tmp_path / "r.nc", "told")
+    store.keep(part, made_up(part))
+    path = store.folder / f"{part.name}.npz"
 
     def same(found: Outcomes | None) -> bool:
-        return found is not None and np.array_equal(found.steps, made_up(task).steps)
+        return found is not None and np.array_equal(found.steps, made_up(part).steps)
 
-    found = damaged(path, lambda: parts.read(task), same)
+    found = damaged(path, lambda: store.read(part), same)
     assert not found["other"]
     assert found["refused"] > 0.9 * MUTATIONS
 
 
 def test_a_sweep_says_what_is_done_again_and_ends_the_same(kept: Path, tmp_path: Path) -> None:
-    """Parts that were damaged, are another sweep's or another task's, or of an earlier version."""
+    """Parts that were damaged, are another sweep's or another part's, or of an earlier version."""
     out, ran, told = tmp_path / "sweep.nc", [], []
 
-    def stop(self: Parts) -> None:
+    def stop(self: Store) -> None:
         raise KeyboardInterrupt
 
     other = replace(STUDY, run=replace(STUDY.run, seed=4))
     for study, path in ((STUDY, out), (other, tmp_path / "other.nc")):
         with without_running(), pytest.MonkeyPatch.context() as patch:
-            patch.setattr(Parts, "remove", stop)
+            patch.setattr(Store, "remove", stop)
             with pytest.raises(KeyboardInterrupt):
                 run_sweep(study, path, keep_trials=True)
     out.unlink()
@@ -294,18 +320,18 @@ def test_a_sweep_says_what_is_done_again_and_ends_the_same(kept: Path, tmp_path:
 def test_a_part_with_what_no_trial_can_end_as_is_done_again(
     name: str, value: int, tmp_path: Path
 ) -> None:
-    task = Plan(STUDY).tasks(list(Plan(STUDY).cells), 0, 10)[0]
-    parts, outcomes = Parts(tmp_path / "r.nc", "told"), made_up(task)
+    part = Plan(STUDY).parts(list(Plan(STUDY).cells), 0, 10)[0]
+    store, outcomes = Store(tmp_path / "r.nc", "told"), made_up(part)
     getattr(outcomes, name)[0, 0] = value
-    parts.keep(task, outcomes)
+    store.keep(part, outcomes)
     with pytest.raises(ValueError, match="holds what no trial can end as"):
-        parts.read(task)
+        store.read(part)
 
 
 def test_a_damaged_study_txt_refuses_the_sweep(tmp_path: Path) -> None:
-    Parts(tmp_path / "r.nc", "told")
+    Store(tmp_path / "r.nc", "told")
     of = tmp_path / "r.nc.parts" / "study.txt"
-    found = damaged(of, lambda: Parts(tmp_path / "r.nc", "told"), lambda _: True)
+    found = damaged(of, lambda: Store(tmp_path / "r.nc", "told"), lambda _: True)
     assert found["refused"] == MUTATIONS
 
 
@@ -449,14 +475,17 @@ def test_a_crash_releases_the_lock(tmp_path: Path) -> None:
         "with locked(Path(sys.argv[1])): print('here', flush=True); time.sleep(600)"
     )
     command = [sys.executable, "-c", code, str(path)]
-    alone = {**os.environ, "PYTHONPATH": str(Path(pcjax.__file__).parent)}  # without JAX: at once
+    alone = {
+        **os.environ,
+        "PYTHONPATH": str(Path(pcjax.__file__).parent / "results"),
+    }  # without JAX: at once
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=alone) as child:
         assert child.stdout is not None
         assert child.stdout.readline() == "here\n"
-        task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 20_000)
+        part = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 20_000)
         space = pcjax.design_space(pcjax.box_hand(), ["fingertip_angle"], 50.0)
         with pytest.raises(ValueError, match=r"state.json is being written by another process"):
-            pcjax.optimize(pcjax.Surrogate(task), space, checkpoint=path)
+            pcjax.optimize(pcjax.Surrogate(part), space, checkpoint=path)
         child.kill()
     with locked(path):
         pass
@@ -490,15 +519,15 @@ def test_what_is_no_plain_file_is_refused(
 
 def test_sigterm_says_what_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "study.toml").write_text(STUDY.to_toml())
-    before, keep = signal.getsignal(signal.SIGTERM), Parts.keep
+    before, keep = signal.getsignal(signal.SIGTERM), Store.keep
 
-    def keep_and_end(self: Parts, task: Task, outcomes: Outcomes) -> None:
-        keep(self, task, outcomes)
+    def keep_and_end(self: Store, part: Part, outcomes: Outcomes) -> None:
+        keep(self, part, outcomes)
         signal.raise_signal(signal.SIGTERM)
 
     out = tmp_path / "r.nc"
     with without_running(), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Parts, "keep", keep_and_end)
+        patch.setattr(Store, "keep", keep_and_end)
         with pytest.raises(SystemExit) as caught:
             main(["sweep", str(tmp_path / "study.toml"), "--out", str(out)])
     assert caught.value.code == 143

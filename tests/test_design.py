@@ -16,16 +16,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pcjax.design.baselines import search_grid
 from pcjax.design.compare import compare
+from pcjax.design.gradients import Gradient
 from pcjax.design.optimize import Settings, Step, at_rest, optimize, starting_designs
+from pcjax.design.search import search_grid
 from pcjax.design.space import DesignSpace, design_space, nearest_within
-from pcjax.model.body import Circle
-from pcjax.model.drive import WristTilt
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand
-from pcjax.physics.step import PAPER_DT
-from pcjax.quality.gradients import Gradient
+from pcjax.physics.state import PAPER_DT
 from pcjax.quality.indices import ratio
 from pcjax.quality.surrogate import Surrogate, Task
 from pcjax.words import InputWarning

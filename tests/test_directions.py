@@ -11,15 +11,16 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from pcjax.engines.ensemble import LIMIT, run
-from pcjax.engines.event import EventDriven
-from pcjax.model.arm import PlanarArm
-from pcjax.model.body import Circle
-from pcjax.model.drive import WristTilt
+from pcjax.geometry import Vec
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.drives.arm import PlanarArm
+from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.hand import HandDesign, full_cage
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import check_geometry, default_direction, does, eoen, why_no_eoen
-from pcjax.planar import Vec
+from pcjax.simulate.batch import run
+from pcjax.simulate.event import EventDriven
+from pcjax.simulate.outcomes import LIMIT
 
 pytestmark = pytest.mark.usefixtures("x64")
 

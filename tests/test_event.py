@@ -14,19 +14,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pcjax.engines import event
-from pcjax.engines.choice import choose_engine
-from pcjax.engines.draws import period_draws, start_draws, trial_key
-from pcjax.engines.ensemble import LIMIT, run
-from pcjax.engines.event import DRIFT, EventDriven, Flight, first_root, leap
-from pcjax.engines.stepping import Stepping
-from pcjax.model.body import Circle
-from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import Swing, WristTilt
+from pcjax.geometry import Vec
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.wrist import Swing, WristTilt
 from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
-from pcjax.physics.step import INVALID, PASSED, RUNNING
-from pcjax.planar import Vec
+from pcjax.physics.state import INVALID, PASSED, RUNNING
+from pcjax.simulate import event
+from pcjax.simulate.batch import run
+from pcjax.simulate.choose import choose_engine
+from pcjax.simulate.draws import period_draws, start_draws, trial_key
+from pcjax.simulate.event import DRIFT, EventDriven, Flight, first_root, leap
+from pcjax.simulate.outcomes import LIMIT
+from pcjax.simulate.stepping import Stepping
 
 
 def scenario(radius: float = 25.0, angle: float = 10.0, *, back: bool = False, **law: float):

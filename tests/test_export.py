@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import pcjax
-from pcjax.export import export_hand
+from pcjax.view.export import export_hand
 
 SVG = "{http://www.w3.org/2000/svg}"
 HANDS = {

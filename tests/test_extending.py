@@ -11,12 +11,14 @@ from jaxtyping import Array
 
 import pcjax
 from pcjax.components import quantity
-from pcjax.engines.choice import choose_engine
-from pcjax.model.drive import Swing
+from pcjax.geometry import Flag, Scalar, Vec
+from pcjax.model.drives.wrist import Swing
 from pcjax.model.motion import Motion
 from pcjax.model.scenario import World
-from pcjax.physics.step import State, judge, meet_limbs, move_body
-from pcjax.planar import Flag, Scalar, Vec
+from pcjax.physics.contact.circle import meet_limbs
+from pcjax.physics.contact.table import register_contact
+from pcjax.physics.state import State, judge
+from pcjax.simulate.choose import choose_engine
 
 RUN: dict[str, Any] = {"trials": 64, "max_steps": 60_000, "dt": 0.04, "direction": "does"}
 
@@ -53,7 +55,7 @@ class OwnCircle(Bare):
     """And with one."""
 
 
-@move_body.register
+@register_contact(OwnCircle)
 def move_own_circle(
     body: OwnCircle, world: World, state: State, free: Motion, dt: Scalar, one: Scalar
 ) -> State:

@@ -10,10 +10,10 @@ import pytest
 import xarray as xr
 
 import pcjax
-from pcjax import paper
-from pcjax.claims import FIGURES_NEEDED, IN_PART, NOT, REPRODUCED, judge_claims
-from pcjax.figures import curve, run_figure, score_curve
-from pcjax.viz.plots import plot_figure
+from pcjax.paper import constants as paper
+from pcjax.paper.claims import FIGURES_NEEDED, IN_PART, NOT, REPRODUCED, judge_claims
+from pcjax.paper.figures import curve, run_figure, score_curve
+from pcjax.paper.pictures import plot_figure
 
 RUN = {"trials": 60, "max_steps": 40_000, "seed": 3}
 

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pcjax.engines.draws import start_draws, trial_key
-from pcjax.model.body import Circle
+from pcjax.model.bodies.circle import Circle
 from pcjax.model.hand import HandDesign, full_cage
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import check_geometry, does, eoen
+from pcjax.simulate.draws import start_draws, trial_key
 from pcjax.words import InputWarning
 
 pytestmark = pytest.mark.usefixtures("x64")

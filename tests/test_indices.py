@@ -12,7 +12,6 @@ from lifelines.utils import restricted_mean_survival_time
 from scipy import stats
 
 import pcjax
-from pcjax.engines.ensemble import LIMIT
 from pcjax.quality.indices import (
     UNDEFINED,
     Estimate,
@@ -22,6 +21,7 @@ from pcjax.quality.indices import (
     ratio,
     survival_curve,
 )
+from pcjax.simulate.outcomes import LIMIT
 from tests.shown import ROOT
 
 

@@ -10,14 +10,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pcjax.model.body import Circle, Stick
-from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import Swing
+from pcjax.geometry import Segment, Vec
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.bodies.stick import Stick
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.wrist import Swing
 from pcjax.model.hand import Goal
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, World, does
-from pcjax.physics.step import RUNNING, State, advance, at_rest
-from pcjax.planar import Segment, Vec
+from pcjax.physics.state import RUNNING, State, at_rest
+from pcjax.physics.step import advance
 
 pytestmark = pytest.mark.usefixtures("x64")
 

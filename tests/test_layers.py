@@ -16,18 +16,18 @@ import pcjax
 PACKAGE = Path(pcjax.__file__).parent
 
 LAYERS = (
-    ("__init__", "__main__", "cli", "compilation_cache"),
-    ("claims", "viz", "sweep"),
-    ("figures", "export", "comparison", "inspection"),
-    ("evaluation",),
+    ("__init__", "__main__", "cli"),
+    ("paper",),
+    ("view",),
+    ("sweep",),
     ("study",),
     ("design",),
-    ("results", "reading", "paper"),
+    ("results",),
     ("quality",),
-    ("engines",),
+    ("simulate",),
     ("physics",),
     ("model",),
-    ("planar", "components", "checks", "words", "files", "netcdf"),
+    ("geometry", "components", "checks", "words"),
 )
 """Top to bottom: the modules and folders directly under pcjax/. A module may import from its own
 layer and from those below. A new one fails the tests until it has its place here."""
@@ -83,33 +83,33 @@ def imports_of(module: str) -> set[str]:
 
 
 def test_the_reader_of_imports_sees_every_kind():
-    known = {"pcjax", "pcjax.cli", "pcjax.paper", "pcjax.model", "pcjax.model.body"}
+    known = {"pcjax", "pcjax.cli", "pcjax.paper", "pcjax.model", "pcjax.model.hand"}
     source = """
 import math
 import pcjax.cli as command_line
 from pcjax import paper, evaluate
 def late():
-    from pcjax.planar import Vec
+    from pcjax.geometry import Vec
     class Inner:
-        from . import body
+        from . import hand
         from ..physics import step
 """
-    assert internal_imports(source, "pcjax.model.hand", known) == {
+    assert internal_imports(source, "pcjax.model.scenario", known) == {
         "pcjax.cli",
         "pcjax.paper",
         "pcjax",
-        "pcjax.planar",
-        "pcjax.model.body",
+        "pcjax.geometry",
+        "pcjax.model.hand",
         "pcjax.physics",
     }
     # In a package's own file one dot is the package itself.
-    assert internal_imports("from .body import Circle", "pcjax.model", known, is_package=True) == {
-        "pcjax.model.body"
-    }
+    assert internal_imports(
+        "from .hand import HandDesign", "pcjax.model", known, is_package=True
+    ) == {"pcjax.model.hand"}
 
 
 def test_the_package_was_found():
-    assert {"pcjax", "pcjax.cli", "pcjax.model.hand", "pcjax.planar"} <= set(MODULES)
+    assert {"pcjax", "pcjax.cli", "pcjax.model.hand", "pcjax.geometry"} <= set(MODULES)
     assert len(RANK) == sum(len(layer) for layer in LAYERS), "a name stands in two layers"
 
 

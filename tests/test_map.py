@@ -12,7 +12,7 @@ from matplotlib.contour import QuadContourSet
 
 import pcjax
 from pcjax.design.compare import compare
-from pcjax.design.score_map import shapes
+from pcjax.design.map import shapes
 from pcjax.model.scenario import check_geometry
 
 CIRCLE = pcjax.Circle(25.0)

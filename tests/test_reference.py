@@ -8,13 +8,13 @@ import jax
 import numpy as np
 import pytest
 
-from pcjax.engines.draws import period_draws, start_draws, trial_key
-from pcjax.engines.stepping import trajectory
-from pcjax.model.body import Circle
+from pcjax.model.bodies.circle import Circle
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
-from pcjax.physics.step import PASSED
+from pcjax.physics.state import PASSED
+from pcjax.simulate.draws import period_draws, start_draws, trial_key
+from pcjax.simulate.stepping import trajectory
 from tests.reference import simulator
 
 pytestmark = pytest.mark.usefixtures("x64")

@@ -14,15 +14,16 @@ import jax
 import numpy as np
 import pytest
 
-from pcjax.engines.draws import period_draws, start_draws, trial_key
-from pcjax.engines.ensemble import LIMIT
-from pcjax.engines.stepping import trajectory
-from pcjax.evaluation import evaluate
-from pcjax.model.arm import PlanarArm
-from pcjax.model.body import Circle, Stick
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.bodies.stick import Stick
+from pcjax.model.drives.arm import PlanarArm
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does
-from pcjax.physics.step import PAPER_DT, PASSED, State
+from pcjax.physics.state import PAPER_DT, PASSED, State
+from pcjax.simulate.draws import period_draws, start_draws, trial_key
+from pcjax.simulate.outcomes import LIMIT
+from pcjax.simulate.stepping import trajectory
+from pcjax.study.evaluate import evaluate
 from tests.reference import simulator, world
 
 pytestmark = pytest.mark.usefixtures("x64")

@@ -16,10 +16,10 @@ import pytest
 import xarray as xr
 
 import pcjax
-from pcjax.engines.ensemble import LIMIT, STATUS_NAMES, Outcomes
-from pcjax.physics.step import INVALID, PASSED
+from pcjax.physics.state import INVALID, PASSED
 from pcjax.quality.indices import index1, index2, ratio
-from pcjax.results import engines_text
+from pcjax.results.tables import engines_text
+from pcjax.simulate.outcomes import LIMIT, STATUS_NAMES, Outcomes
 
 P, L, X = PASSED, LIMIT, INVALID
 

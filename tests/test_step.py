@@ -15,14 +15,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate
 
-from pcjax.model.body import Circle
-from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import Swing, WristTilt
+from pcjax.geometry import Vec
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.wrist import Swing, WristTilt
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
-from pcjax.physics.step import INVALID, PASSED, RUNNING, State, at_rest, step
-from pcjax.planar import Vec
+from pcjax.physics.state import INVALID, PASSED, RUNNING, State, at_rest
+from pcjax.physics.step import step
 
 pytestmark = pytest.mark.usefixtures("x64")
 
@@ -371,7 +372,7 @@ def test_step_runs_outside_jit() -> None:
 def test_push_out_alone_would_have_wrong_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
     # Without the impact's own time, the end of the step turns the velocity back wherever the
     # circle is, and how the impact's moment depends on the hand is lost: a negative control.
-    import pcjax.physics.step as stages
+    import pcjax.physics.contact.circle as stages
 
     begin, swing, steps = state(0.0, 100.0, 30.0, -10.0), held(1.0, -5.0), 4000
 

@@ -13,19 +13,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pcjax.engines.draws import start_draws, trial_key
-from pcjax.engines.ensemble import run
-from pcjax.engines.stepping import Stepping, trajectory
-from pcjax.model.arm import PlanarArm
-from pcjax.model.body import Circle, Stick
-from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import Swing
+from pcjax.geometry import Segment, Vec, segments_cross
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.bodies.stick import Stick
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.arm import PlanarArm
+from pcjax.model.drives.wrist import Swing
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does
-from pcjax.physics.step import INVALID, PASSED, RUNNING, State, at_rest, begin, step
-from pcjax.physics.stick import Pose, depths
-from pcjax.planar import Segment, Vec, segments_cross
+from pcjax.physics.contact.rod import Pose, depths
+from pcjax.physics.state import INVALID, PASSED, RUNNING, State, at_rest
+from pcjax.physics.step import begin, step
+from pcjax.simulate.batch import run
+from pcjax.simulate.draws import start_draws, trial_key
+from pcjax.simulate.stepping import Stepping, trajectory
 from pcjax.words import InputWarning
 
 pytestmark = pytest.mark.usefixtures("x64")

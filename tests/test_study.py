@@ -11,10 +11,11 @@ import jax
 import numpy as np
 import pytest
 
-from pcjax.model.arm import PlanarArm
-from pcjax.model.body import Circle, Stick
-from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import WristTilt
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.bodies.stick import Stick
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.arm import PlanarArm
+from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.study.read import EXAMPLE, load_study

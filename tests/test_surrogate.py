@@ -13,22 +13,25 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from pcjax.design.gradients import Differences, Gradient, Mixture, Pathwise, differentiable_score
 from pcjax.design.space import DesignSpace, design_space
-from pcjax.engines.ensemble import LIMIT, roll, run
-from pcjax.engines.event import EventDriven
-from pcjax.engines.lanes import Lanes
-from pcjax.engines.relaxation import Layer, relaxed_survival
-from pcjax.engines.stepping import Stepping
-from pcjax.model.arm import PlanarArm
-from pcjax.model.body import Circle, Stick
-from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import WristTilt
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.bodies.stick import Stick
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.arm import PlanarArm
+from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does, eoen
-from pcjax.physics.step import INVALID
-from pcjax.quality.gradients import Differences, Gradient, Mixture, Pathwise, differentiable_score
+from pcjax.physics.state import INVALID
 from pcjax.quality.surrogate import Surrogate, Task
+from pcjax.simulate.batch import run
+from pcjax.simulate.event import EventDriven
+from pcjax.simulate.lanes import Lanes
+from pcjax.simulate.outcomes import LIMIT
+from pcjax.simulate.relaxation import Layer, relaxed_survival
+from pcjax.simulate.rounds import roll
+from pcjax.simulate.stepping import Stepping
 
 WIDE = box_hand(math.radians(-20), gap_width=400.0)
 """Half of the trials are out within 50 s."""

@@ -16,18 +16,23 @@ import numpy as np
 import pytest
 import xarray as xr
 
-import pcjax.sweep
+import pcjax.sweep.cluster
+import pcjax.sweep.plan
+import pcjax.sweep.run
 from pcjax.cli import main
 from pcjax.cli.results import table
-from pcjax.evaluation import evaluate
-from pcjax.model.body import Circle, Stick
-from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import WristTilt
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.bodies.stick import Stick
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.presets import box_hand
+from pcjax.study.evaluate import evaluate
 from pcjax.study.read import EXAMPLE, load_study
 from pcjax.study.spec import Run, Study, Sweep
-from pcjax.sweep import Parts, Plan, run_sweep
-from pcjax.viz.sweeps import plot_sweep
+from pcjax.sweep.plan import Plan
+from pcjax.sweep.run import run_sweep
+from pcjax.sweep.store import Store
+from pcjax.view.sweeps import plot_sweep
 
 QUICK = Run(trials=60, max_steps=20_000, seed=3)
 STUDY = Study(
@@ -42,14 +47,14 @@ STUDY = Study(
 
 @pytest.fixture(autouse=True)
 def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pcjax.sweep, "BLOCK", 20)
+    monkeypatch.setattr(pcjax.sweep.plan, "BLOCK", 20)
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("sweep") / "whole.nc"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pcjax.sweep, "BLOCK", 20)
+        patch.setattr(pcjax.sweep.plan, "BLOCK", 20)
         run_sweep(STUDY, path, keep_trials=True)
     return path
 
@@ -84,16 +89,18 @@ def test_an_interrupted_sweep_ends_in_the_same_file(
     whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "r.nc"
-    keep, kept = Parts.keep, []
+    keep, kept = Store.keep, []
 
-    def keep_one(self: Parts, task: pcjax.sweep.Task, outcomes: pcjax.sweep.Outcomes) -> None:
+    def keep_one(
+        self: Store, task: pcjax.sweep.plan.Part, outcomes: pcjax.simulate.outcomes.Outcomes
+    ) -> None:
         if kept:
             raise KeyboardInterrupt
         kept.append(task.name)
         keep(self, task, outcomes)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Parts, "keep", keep_one)
+        patch.setattr(Store, "keep", keep_one)
         with pytest.raises(KeyboardInterrupt):
             run_sweep(STUDY, out, keep_trials=True)
     assert not out.exists()
@@ -103,9 +110,11 @@ def test_an_interrupted_sweep_ends_in_the_same_file(
     (folder / "0000000020-000000.npz").write_bytes((folder / f"{kept[0]}.npz").read_bytes()[:200])
     (folder / ".unfinished.x").write_bytes(b"PK")
     ran = []
-    run = pcjax.sweep.Task.run
+    run = pcjax.sweep.plan.Part.run
     monkeypatch.setattr(
-        pcjax.sweep.Task, "run", lambda task, *a, **k: ran.append(task.name) or run(task, *a, **k)
+        pcjax.sweep.plan.Part,
+        "run",
+        lambda task, *a, **k: ran.append(task.name) or run(task, *a, **k),
     )
     with pytest.warns(UserWarning, match=r"20-000000.npz is damaged.*: to be run again"):
         run_sweep(STUDY, out, keep_trials=True)
@@ -121,12 +130,13 @@ def test_an_interrupted_sweep_ends_in_the_same_file(
 
 _CHILD = """
 import pathlib, sys
-import pcjax.sweep
-from pcjax.compilation_cache import use_compilation_cache
+import pcjax.sweep.plan
+import pcjax.sweep.run
+from pcjax.cli.compilation_cache import use_compilation_cache
 from pcjax.study.read import load_study
 use_compilation_cache()
-pcjax.sweep.BLOCK = 20
-pcjax.sweep.run_sweep(load_study(sys.argv[1]), sys.argv[2], keep_trials=True)
+pcjax.sweep.plan.BLOCK = 20
+pcjax.sweep.run.run_sweep(load_study(sys.argv[1]), sys.argv[2], keep_trials=True)
 """
 
 
@@ -156,7 +166,7 @@ def test_a_changed_study_is_refused(whole: Path, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="the result of something else"):
         run_sweep(STUDY, whole)
     assert whole.read_bytes() == before
-    Parts(tmp_path / "r.nc", "another")
+    Store(tmp_path / "r.nc", "another")
     with pytest.raises(ValueError, match="parts of another sweep"):
         run_sweep(STUDY, tmp_path / "r.nc")
     cut = tmp_path / "cut.nc"
@@ -301,11 +311,13 @@ def test_a_cluster_gives_the_same_file_though_a_worker_dies(whole: Path, tmp_pat
     code = f"""
 import os, pathlib, signal, threading, time
 from distributed import Client, LocalCluster
-import pcjax.sweep
+import pcjax.sweep.cluster
+import pcjax.sweep.plan
+import pcjax.sweep.run
 from pcjax.study.read import load_study
 
 def main():
-    pcjax.sweep.BLOCK = 20
+    pcjax.sweep.plan.BLOCK = 20
     out = pathlib.Path({str(tmp_path / "r.nc")!r})
     study = load_study({str(tmp_path / "study.toml")!r})
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
@@ -315,7 +327,7 @@ def main():
                 time.sleep(0.002)
             os.kill(pids[0], signal.SIGKILL)
         threading.Thread(target=strike, daemon=True).start()
-        pcjax.sweep.run_sweep(
+        pcjax.sweep.run.run_sweep(
             study, out, keep_trials=True, scheduler=cluster.scheduler_address
         )
         after = [worker.pid for worker in cluster.workers.values()]
@@ -406,7 +418,7 @@ def test_bad_input_is_one_line(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(pcjax.sweep, "PATIENCE", 0.5)
+    monkeypatch.setattr(pcjax.sweep.cluster, "PATIENCE", 0.5)
     Path("study.toml").write_text(STUDY.to_toml())
     names = {"WHOLE": str(whole), "STUDY": "study.toml"}
     with pytest.raises(SystemExit) as caught:

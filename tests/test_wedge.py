@@ -10,15 +10,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pcjax.engines.event import Flight, leap
-from pcjax.model.body import Circle
-from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import Swing, WristTilt
+from pcjax.geometry import Vec
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.wrist import Swing, WristTilt
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import Scenario, World, does
-from pcjax.physics.respond import Angle, least_push
-from pcjax.physics.step import RUNNING, State, at_rest, step
-from pcjax.planar import Vec
+from pcjax.physics.response import Angle, least_push
+from pcjax.physics.state import RUNNING, State, at_rest
+from pcjax.physics.step import step
+from pcjax.simulate.event import Flight, leap
 
 pytestmark = pytest.mark.usefixtures("x64")
 

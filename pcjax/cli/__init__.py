@@ -52,7 +52,7 @@ def main(argv: Sequence[str] | None = None, *, ready: Callable[[], Any] = lambda
     try:
         with _told_to_end(), warnings.catch_warnings():
             arguments = _parse(sys.argv[1:] if argv is None else list(argv))
-            from pcjax.compilation_cache import use_compilation_cache
+            from pcjax.cli.compilation_cache import use_compilation_cache
 
             use_compilation_cache()
             ready()

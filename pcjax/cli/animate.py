@@ -15,10 +15,10 @@ from pcjax.cli.parts import (
     settle_outputs,
     whole,
 )
-from pcjax.engines.recording import PICKED_FROM, PICKS
 from pcjax.model.scenario import DIRECTIONS
-from pcjax.physics.step import INVALID, PASSED
-from pcjax.results import NAMES
+from pcjax.physics.state import INVALID, PASSED
+from pcjax.results.schema import NAMES
+from pcjax.simulate.replay import PICKED_FROM, PICKS
 
 
 def add_animate(parser: argparse.ArgumentParser) -> None:
@@ -56,7 +56,7 @@ def add_animate(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    from pcjax.viz.animation import animate, check_film  # matplotlib takes a second to import
+    from pcjax.view.animation import animate, check_film  # matplotlib takes a second to import
 
     settle_outputs(arguments)
     check_writable(arguments.plot)

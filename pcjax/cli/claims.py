@@ -7,10 +7,10 @@ from pathlib import Path
 
 import xarray as xr
 
-from pcjax.claims import FIGURES_NEEDED, judge_claims
 from pcjax.cli.parts import add_run, run_settings
-from pcjax.figures import run_figure
-from pcjax.reading import load_dataset
+from pcjax.paper.claims import FIGURES_NEEDED, judge_claims
+from pcjax.paper.figures import run_figure
+from pcjax.results.reading import load_dataset
 from pcjax.study.spec import Run
 
 _TRIALS = 1000

@@ -15,7 +15,7 @@ from pcjax.cli.parts import (
     save_picture,
     settle_outputs,
 )
-from pcjax.comparison import compare, names_of
+from pcjax.study.compare import compare, names_of
 from pcjax.study.read import load_study
 
 
@@ -42,5 +42,5 @@ def _run(arguments: argparse.Namespace) -> None:
     }
     ranking = compare(studies, progress=True)
     if arguments.plot:
-        save_picture("plot_ranking", ranking, arguments.plot)
+        save_picture("view.plots.plot_ranking", ranking, arguments.plot)
     print(json.dumps(ranking.as_json()) if arguments.json else ranking)

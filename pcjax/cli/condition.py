@@ -12,9 +12,9 @@ from typing import Any
 
 from pcjax.cli.parts import as_flags_say, number
 from pcjax.components import Component, Quantity, quantities
-from pcjax.model.body import BODIES
-from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import DRIVES
+from pcjax.model.bodies.base import BODIES
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.base import DRIVES
 from pcjax.model.presets import HANDS
 from pcjax.quality.surrogate import Task
 from pcjax.study.read import read_study

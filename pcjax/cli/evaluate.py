@@ -16,7 +16,7 @@ from pcjax.cli.parts import (
     save_picture,
     settle_outputs,
 )
-from pcjax.evaluation import evaluate_study
+from pcjax.study.evaluate import evaluate_study
 
 
 def add_evaluate(parser: argparse.ArgumentParser) -> None:
@@ -41,5 +41,5 @@ def _run(arguments: argparse.Namespace) -> None:
     if arguments.out:
         result.save(arguments.out)
     if arguments.plot:
-        save_picture("plot_evaluation", result, arguments.plot)
+        save_picture("view.plots.plot_evaluation", result, arguments.plot)
     print(json.dumps(result.as_json()) if arguments.json else result)

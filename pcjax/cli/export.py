@@ -7,8 +7,8 @@ from pathlib import Path
 
 from pcjax.cli.condition import add_condition, condition
 from pcjax.cli.parts import add_outputs, check_writable, number, settle_outputs
-from pcjax.export import check_drawing, export_hand
 from pcjax.model.scenario import check_geometry, does
+from pcjax.view.export import check_drawing, export_hand
 
 
 def add_export(parser: argparse.ArgumentParser) -> None:

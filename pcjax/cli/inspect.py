@@ -7,7 +7,7 @@ import json
 
 from pcjax.cli.condition import add_condition, condition
 from pcjax.cli.parts import add_outputs, check_picture, save_picture, settle_outputs
-from pcjax.inspection import inspect
+from pcjax.study.inspect import inspect
 
 
 def add_inspect(parser: argparse.ArgumentParser) -> None:
@@ -23,5 +23,5 @@ def _run(arguments: argparse.Namespace) -> None:
     check_picture(arguments.plot)
     found = inspect(condition(arguments))
     if arguments.plot:
-        save_picture("plot_inspection", found, arguments.plot)
+        save_picture("view.plots.plot_inspection", found, arguments.plot)
     print(json.dumps(found.as_json()) if arguments.json else found)

@@ -28,10 +28,10 @@ from pcjax.cli.parts import (
     settle_outputs,
     whole,
 )
-from pcjax.design.score_map import MapPlan
+from pcjax.design.map import MapPlan
 from pcjax.design.space import HELP, DesignSpace, design_space
 from pcjax.quality.surrogate import OBJECTIVES, Surrogate
-from pcjax.results import save_dataset, save_text
+from pcjax.results.saving import save_dataset, save_text
 
 _DATA = (".nc", ".csv")
 
@@ -115,7 +115,7 @@ def _run(arguments: argparse.Namespace) -> None:
             save_text(data.to_dataframe().to_csv(), arguments.out)
         else:
             save_dataset(data, arguments.out)
-    save_picture("plot_map", (data, space, surrogate), arguments.plot)
+    save_picture("view.designs.plot_map", (data, space, surrogate), arguments.plot)
     if arguments.json:
         print(json.dumps(as_json(data, space)))
     else:

@@ -30,15 +30,15 @@ from pcjax.cli.parts import (
     settle_outputs,
     whole,
 )
-from pcjax.design.baselines import search_cma, search_grid
+from pcjax.design.gradients import Differences, Estimator, Mixture, Pathwise
+from pcjax.design.map import score_name
 from pcjax.design.optimize import Optimum, Settings, optimize
-from pcjax.design.score_map import score_name
+from pcjax.design.search import search_cma, search_grid
 from pcjax.design.space import HELP, DesignSpace, design_space
 from pcjax.model.scenario import check_geometry
-from pcjax.quality.gradients import Differences, Estimator, Mixture, Pathwise
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import FORMS, OBJECTIVES, Surrogate
-from pcjax.results import save_text
+from pcjax.results.saving import save_text
 
 _FOR_PATHWISE = {"goal_layer": 0.8, "contact_layer": 0.2}
 """The widths with which pathwise gradients are least noisy."""
@@ -183,7 +183,7 @@ def _run(arguments: argparse.Namespace) -> None:
         best = replace(study, hand=space.hand(found.best), sweep=None)
         save_text(best.to_toml(), arguments.out)
     if arguments.plot:
-        save_picture("plot_optimum", (found, space, surrogate), arguments.plot)
+        save_picture("view.designs.plot_optimum", (found, space, surrogate), arguments.plot)
     if arguments.json:
         print(json.dumps(as_json(found, space, seconds)))
     else:

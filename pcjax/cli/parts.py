@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import os
 import warnings
 from collections.abc import Mapping, Sequence
@@ -10,8 +11,8 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from pcjax import paper
-from pcjax.engines.choice import ENGINES
+from pcjax.paper import constants as paper
+from pcjax.simulate.choose import ENGINES
 from pcjax.study.spec import Run, Study
 from pcjax.words import InputWarning
 
@@ -196,8 +197,7 @@ def check_picture(path: Path | None) -> None:
 
 
 def save_picture(plot: str, data: Any, path: Path) -> None:
-    """Draws with a function of `pcjax.viz.plots` or `pcjax.viz.designs`."""
-    from pcjax.viz import designs, plots  # matplotlib takes a second to import
-
-    draw = getattr(plots, plot, None) or getattr(designs, plot)
+    """Draws with a function, "module.name", which is imported now: matplotlib takes a second."""
+    module, _, name = plot.rpartition(".")
+    draw = getattr(importlib.import_module(f"pcjax.{module}"), name)
     draw(data).savefig(path, dpi=130)

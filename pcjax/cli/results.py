@@ -8,12 +8,14 @@ from pathlib import Path
 
 import xarray as xr
 
-from pcjax.cli.figure import figure_table
 from pcjax.cli.map import map_text
 from pcjax.cli.parts import add_outputs, check_picture, number, settle_outputs
-from pcjax.reading import load_dataset
-from pcjax.results import NAMES, Evaluation
-from pcjax.sweep import swept_names
+from pcjax.paper.figures import check_figure
+from pcjax.paper.tables import figure_table
+from pcjax.results.evaluation import Evaluation
+from pcjax.results.reading import load_dataset
+from pcjax.results.schema import NAMES
+from pcjax.sweep.assemble import swept_names
 
 _LONGEST = 60
 """Lines of a table."""
@@ -63,11 +65,19 @@ def _show(arguments: argparse.Namespace) -> None:
     if "sweep" in data.attrs:
         print(table(data, None if arguments.all else _LONGEST))
     elif "figure" in data.attrs:
-        print(figure_table(data))
+        print(figure_table(_figure(data, arguments.results)))
     elif {"score_name", "hands"} <= set(data.attrs) and {"score", "se"} <= set(data):
         print(map_text(data))
     else:
         print(_evaluation(data, arguments.results))
+
+
+def _figure(data: xr.Dataset, path: Path) -> xr.Dataset:
+    try:
+        check_figure(data)
+    except ValueError as error:
+        raise ValueError(f"{path} is no figure of the paper: {error}") from None
+    return data
 
 
 def _evaluation(data: xr.Dataset, path: Path) -> Evaluation:
@@ -83,7 +93,7 @@ def _plot(arguments: argparse.Namespace) -> None:
     check_picture(arguments.plot)
     data = load_dataset(arguments.results)
     flags = ("x", "y", "hue")
-    from pcjax.viz import plots, sweeps  # matplotlib takes a second to import
+    from pcjax.view import plots, sweeps  # matplotlib takes a second to import
 
     if "sweep" in data.attrs:
         figure = sweeps.plot_sweep(
@@ -96,7 +106,9 @@ def _plot(arguments: argparse.Namespace) -> None:
                     f"{arguments.results} is no sweep: --x, --y, --hue, --at are not for it"
                 )
         if "figure" in data.attrs:
-            figure = plots.plot_figure(data)
+            from pcjax.paper.pictures import plot_figure
+
+            figure = plot_figure(_figure(data, arguments.results))
         else:
             figure = plots.plot_evaluation(_evaluation(data, arguments.results))
     figure.savefig(arguments.plot, dpi=130)

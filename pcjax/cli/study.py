@@ -7,9 +7,9 @@ import os
 from pathlib import Path
 
 from pcjax.cli.parts import check_writable
-from pcjax.results import save_text
+from pcjax.results.saving import save_text
 from pcjax.study.read import EXAMPLE, load_study
-from pcjax.sweep import Plan
+from pcjax.sweep.plan import Plan
 
 
 def add_study(parser: argparse.ArgumentParser) -> None:

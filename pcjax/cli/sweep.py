@@ -13,7 +13,8 @@ from pcjax.cli.parser import Terminated
 from pcjax.cli.parts import add_run, as_flags_say, check_data, number
 from pcjax.cli.results import table
 from pcjax.study.read import load_study
-from pcjax.sweep import Plan, run_sweep
+from pcjax.sweep.plan import Plan
+from pcjax.sweep.run import run_sweep
 
 
 def add_sweep(parser: argparse.ArgumentParser) -> None:

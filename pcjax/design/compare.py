@@ -12,7 +12,7 @@ from tqdm.auto import tqdm
 
 from pcjax.design.space import DesignSpace
 from pcjax.model.hand import HandDesign
-from pcjax.physics.step import PAPER_DT
+from pcjax.physics.state import PAPER_DT
 from pcjax.quality.indices import Estimate, extremes
 from pcjax.quality.surrogate import Sample, Surrogate
 

@@ -27,14 +27,14 @@ from tqdm.auto import tqdm
 
 from pcjax.checks import check_between, check_count
 from pcjax.design.compare import compare, compare_hands
+from pcjax.design.gradients import Differences, Estimator, Gradient
 from pcjax.design.space import DesignSpace
-from pcjax.files import digest, locked, read_plain
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import check_geometry
-from pcjax.quality.gradients import Differences, Estimator, Gradient
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate
-from pcjax.results import save_text
+from pcjax.results.files import digest, locked, read_plain
+from pcjax.results.saving import save_text
 from pcjax.words import InputWarning
 
 _REST = 0.15

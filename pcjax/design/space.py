@@ -14,9 +14,9 @@ from jaxtyping import Array, Float
 from scipy.optimize import nnls
 
 from pcjax.checks import check_between, check_finite
+from pcjax.geometry import Flag, Scalar
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import is_hand, why_no_eoen
-from pcjax.planar import Flag, Scalar
 from pcjax.words import did_you_mean
 
 Rows = list[list[Scalar]]

@@ -16,7 +16,7 @@ from jax.core import Tracer
 from jaxtyping import Float
 
 from pcjax.checks import check_finite, check_positive, check_radians
-from pcjax.planar import (
+from pcjax.geometry import (
     Flag,
     Mirror,
     Scalar,

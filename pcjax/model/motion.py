@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import equinox as eqx
 
-from pcjax.planar import Scalar, Vec
+from pcjax.geometry import Scalar, Vec
 
 
 class Carry(eqx.Module):

@@ -7,8 +7,8 @@ from typing import Any
 
 from pcjax.checks import check_positive, check_radians
 from pcjax.components import Component, Registry, quantity
+from pcjax.geometry import Scalar
 from pcjax.model.hand import HandDesign
-from pcjax.planar import Scalar
 
 HANDS: Registry[Preset] = Registry("hand", "pcjax.hands")
 """The hands that study files and flags can name."""

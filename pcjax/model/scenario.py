@@ -13,11 +13,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from pcjax.checks import check_between
-from pcjax.model.body import Body
-from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import Drive, WristTilt
-from pcjax.model.hand import Goal, HandDesign
-from pcjax.planar import (
+from pcjax.geometry import (
     Flag,
     Scalar,
     Segment,
@@ -26,6 +22,11 @@ from pcjax.planar import (
     is_inside,
     unit_and_length,
 )
+from pcjax.model.bodies.base import Body
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.base import Drive
+from pcjax.model.drives.wrist import WristTilt
+from pcjax.model.hand import Goal, HandDesign
 
 
 class World(eqx.Module):

@@ -32,21 +32,23 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from pcjax.checks import check_between, check_count
-from pcjax.engines.choice import choose_engine, safe_step
-from pcjax.engines.cloud import Cloud
-from pcjax.engines.draws import period_draws, trial_key
-from pcjax.engines.ensemble import LIMIT, roll, run
-from pcjax.engines.event import EventDriven
-from pcjax.engines.lanes import Lanes
-from pcjax.engines.relaxation import Layer, relaxed_survival
-from pcjax.engines.stepping import Stepping
-from pcjax.model.body import Body
-from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import Drive
+from pcjax.geometry import Scalar
+from pcjax.model.bodies.base import Body
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.base import Drive
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import DIRECTIONS, Scenario
-from pcjax.physics.step import INVALID, PAPER_DT
-from pcjax.planar import Scalar
+from pcjax.physics.state import INVALID, PAPER_DT
+from pcjax.simulate.batch import run
+from pcjax.simulate.choose import choose_engine, safe_step
+from pcjax.simulate.cloud import Cloud
+from pcjax.simulate.draws import period_draws, trial_key
+from pcjax.simulate.event import EventDriven
+from pcjax.simulate.lanes import Lanes
+from pcjax.simulate.outcomes import LIMIT
+from pcjax.simulate.relaxation import Layer, relaxed_survival
+from pcjax.simulate.rounds import roll
+from pcjax.simulate.stepping import Stepping
 
 OBJECTIVES = ("index1", "index2", "escape_rate")
 """What a score can be made of: an index, or the limit-free mean time to escape, 1 / rate."""

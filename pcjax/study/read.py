@@ -17,13 +17,13 @@ import numpy as np
 
 from pcjax.checks import check_between, check_count, doubts_of_degrees
 from pcjax.components import Component, Quantity, Registry, quantities
-from pcjax.engines.choice import ENGINES
-from pcjax.files import read_plain
-from pcjax.model.body import BODIES, Body
-from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import DRIVES, Drive
+from pcjax.model.bodies.base import BODIES, Body
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.base import DRIVES, Drive
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import HANDS
+from pcjax.results.files import read_plain
+from pcjax.simulate.choose import ENGINES
 from pcjax.study.spec import MOST_CONDITIONS, Run, Study, Sweep
 from pcjax.words import InputWarning, did_you_mean, one_line
 
@@ -113,9 +113,9 @@ def read_study(
         if table == "hand" and chains and "preset" not in keys:
             numbers |= keys
         elif isinstance(data.setdefault(table, {}), dict):
-            # Another kind of hand takes the place of the file's chains.
-            gone = ("lengths", "angles_deg") if table == "hand" and "preset" in keys else ()
-            data[table] = {k: v for k, v in data[table].items() if k not in gone} | keys
+            if table == "hand" and chains:  # another kind of hand takes the place of the chains
+                del data[table]["lengths"], data[table]["angles_deg"]
+            data[table] = data[table] | keys
     reader = _Reader(data)
     try:
         study = reader.study()

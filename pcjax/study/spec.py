@@ -10,10 +10,11 @@ from dataclasses import dataclass, field, replace
 
 from pcjax.checks import check_between, check_count
 from pcjax.components import Component
-from pcjax.engines.choice import ENGINES
-from pcjax.model.body import BODIES, Body, Circle
-from pcjax.model.contact_law import ContactLaw
-from pcjax.model.drive import DRIVES, Drive, WristTilt
+from pcjax.model.bodies.base import BODIES, Body
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.base import DRIVES, Drive
+from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import HANDS
 from pcjax.model.scenario import (
@@ -23,6 +24,7 @@ from pcjax.model.scenario import (
     default_direction,
     usual_max_steps,
 )
+from pcjax.simulate.choose import ENGINES
 from pcjax.study.vary import change
 from pcjax.study.write import hand_table, text_of
 

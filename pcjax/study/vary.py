@@ -9,8 +9,8 @@ from typing import Any
 
 from pcjax.components import Component, Quantity, quantities
 from pcjax.design.space import DesignSpace, parameter
-from pcjax.model.body import BODIES
-from pcjax.model.drive import DRIVES
+from pcjax.model.bodies.base import BODIES
+from pcjax.model.drives.base import DRIVES
 from pcjax.model.hand import HandDesign
 from pcjax.words import did_you_mean
 

@@ -1,0 +1,430 @@
+"""Estimators of the derivative of a surrogate's logarithm: value, gradient, and how sure they are.
+
+`Differences` moves the design both ways along some directions, on the same trials: one parameter at
+a time ("axial"), or all of them in every run ("factorial", after Plackett and Burman, with
+Hadamard's signs), so that all runs tell about every parameter. The variance is then smaller, and
+the bias larger, since the joint move is longer. "gaussian" directions are evolution strategies.
+
+`Pathwise` differentiates each trial, forward through the smoothed steps. `Mixture` weighs two
+estimators by their variances.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any, NoReturn, Protocol
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Integer
+from scipy.linalg import hadamard
+
+from pcjax.checks import check_between, check_count
+from pcjax.design.space import DesignSpace
+from pcjax.geometry import Scalar
+from pcjax.quality.surrogate import Surrogate
+from pcjax.simulate.stepping import Stepping
+
+DIRECTIONS = ("axial", "factorial", "gaussian")
+
+_OTHER = 0x5BD1E995
+"""Tells the seeds of a mixture's two estimators apart."""
+
+
+Numbers = Array | np.ndarray | Sequence[float]
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """An estimate of the surrogate's logarithm and of its derivative.
+
+    Attributes:
+        value, value_se: the logarithm of the score at the design.
+        gradient: per unit of each parameter.
+        covariance: of the gradient.
+        parts, parts_se: the derivatives of each direction's own logarithm; the gradient is that of
+            DoEs less that of EoEn.
+        largest_share: of the squared deviations of the noisiest component, the largest trial's
+            share; above 0.05 the standard errors are not to be trusted.
+        trials: simulated, all hands and directions together.
+        seconds: wall time.
+        invalid: trials of a hand and direction that went wrong, and are left out.
+    """
+
+    value: float
+    value_se: float
+    gradient: Float[np.ndarray, " parameters"]
+    covariance: Float[np.ndarray, "parameters parameters"]
+    parts: Float[np.ndarray, "directions parameters"]
+    parts_se: Float[np.ndarray, "directions parameters"]
+    largest_share: float
+    trials: int
+    seconds: float
+    invalid: int = 0
+
+    @property
+    def se(self) -> Float[np.ndarray, " parameters"]:
+        """Standard errors of the gradient."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+Designs = Sequence[Float[np.ndarray, " parameters"]]
+
+
+class Estimator(Protocol):
+    """How gradients are estimated, at one design or several, all on the same trials."""
+
+    def __call__(
+        self, surrogate: Surrogate, space: DesignSpace, designs: Designs, seed: int
+    ) -> list[Gradient]: ...
+
+
+@dataclass(frozen=True)
+class Differences:
+    """Central differences on common random numbers.
+
+    Arguments:
+        directions: one of `DIRECTIONS`.
+        reach: factor on the usual steps of 4 degrees and 0.02 L_p (no more than a fifth of a
+            length). They shrink, all alike, where the hand would close.
+        count: how many gaussian directions; the number of parameters unless given.
+
+    Raises:
+        ValueError: an unknown name or a number out of range.
+
+    Examples:
+        >>> import pcjax
+        >>> task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 20_000)
+        >>> space = pcjax.design_space(pcjax.box_hand(), ["fingertip_angle"], 50.0)
+        >>> designs = [space.design_of(space.base)]
+        >>> (found,) = pcjax.Differences()(pcjax.Surrogate(task, trials=20), space, designs, 0)
+        >>> found.gradient.shape, found.trials  # three hands, two directions
+        ((1,), 120)
+    """
+
+    directions: str = "axial"
+    reach: float = 1.0
+    count: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.directions not in DIRECTIONS:
+            raise ValueError(
+                f"directions is {self.directions!r}: it has to be one of {', '.join(DIRECTIONS)}"
+            )
+        check_between("reach", self.reach, 1e-3, 10.0)
+        if self.count is not None:
+            check_count("count", self.count, 1, 4096)
+
+    def __call__(
+        self, surrogate: Surrogate, space: DesignSpace, designs: Designs, seed: int
+    ) -> list[Gradient]:
+        """The gradients at some designs, all in one batch.
+
+        Raises:
+            ValueError: a hand is closed, or as good as closed.
+        """
+        began = time.perf_counter()
+        ways = self._ways(len(designs[0]), seed)
+        all_moves = []
+        for design in designs:
+            moves = self.reach * ways * space.usual_moves(design)
+            all_moves.append(open_reach(space, design, moves) * moves)
+        hands = [
+            space.hand(one)
+            for design, moves in zip(designs, all_moves, strict=True)
+            for one in (design, *(design + m for m in moves), *(design - m for m in moves))
+        ]
+        each = 1 + 2 * len(ways)
+        sample = surrogate.sample(hands, seed, hands[::each])
+        if sample.valid.sum() < 2:
+            raise ValueError("fewer than two trials went right at every design: try a smaller dt")
+        values, influences = surrogate.appraise(sample)
+        seconds = time.perf_counter() - began
+        gradients = []
+        for k, moves in enumerate(all_moves):
+            mine = slice(k * each, (k + 1) * each)
+            # Least squares: half the differences are moves @ gradient.
+            weights = 0.5 * np.linalg.pinv(moves)
+            pick = np.zeros((1 + len(weights), each))
+            pick[0, 0] = 1.0
+            pick[1:, 1 : 1 + len(moves)] = weights
+            pick[1:, 1 + len(moves) :] = -weights
+            parts, each_influence = pick @ values[mine], pick @ influences[:, mine]
+            gradients.append(
+                _gradient(
+                    surrogate,
+                    parts.T,
+                    each_influence,
+                    trials=each * len(parts.T) * surrogate.trials,
+                    seconds=seconds / len(designs),
+                    invalid=sample.invalid,
+                )
+            )
+        return gradients
+
+    def _ways(self, count: int, seed: int) -> Float[np.ndarray, "moves parameters"]:
+        """The moves, in usual moves."""
+        if self.directions == "axial":
+            return np.eye(count)
+        if self.directions == "factorial":
+            return _signs(count)
+        return np.random.default_rng(seed).standard_normal((self.count or count, count))
+
+
+def _signs(count: int) -> Float[np.ndarray, "runs parameters"]:
+    """Orthogonal columns of signs: as few runs as a power of 2 allows."""
+    size = 1 << (count - 1).bit_length()
+    return hadamard(size)[:, :count].astype(float)
+
+
+def differentiable_score(
+    surrogate: Surrogate, space: DesignSpace, *, block: int = 256
+) -> Callable[[Float[Array, " parameters"], Integer[Array, ""] | int], Scalar]:
+    """The relaxed score as a function of (design, seed) that JAX can compile and differentiate.
+
+    Its derivative is the estimate of `Differences`, with the base hand's moves, by
+    `jax.custom_jvp`, so `jax.grad` of it and any optimiser of optax just work. `optimize` is
+    faster: here the trials of a block wait for each other. There are no second derivatives:
+    differentiating the derivative raises a NotImplementedError.
+
+    Arguments:
+        surrogate: of the form "horizon".
+        space: of the designs.
+        block: trials that run together; `surrogate.trials` is rounded up to whole blocks.
+
+    Raises:
+        ValueError: a surrogate of another form.
+
+    Examples:
+        >>> import pcjax, jax
+        >>> task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 30_000)
+        >>> space = pcjax.design_space(pcjax.box_hand(), ["fingertip_angle"], 50.0)
+        >>> score = pcjax.differentiable_score(pcjax.Surrogate(task, trials=64), space, block=64)
+        >>> jax.eval_shape(jax.grad(score), space.design_of(space.base), 0).shape
+        (1,)
+    """
+    if surrogate.form != "horizon":
+        raise ValueError(f"a score to be compiled needs form 'horizon', not {surrogate.form!r}")
+    engine = surrogate.engine(surrogate.task.scenarios(space.base))
+    moves = np.diag(space.usual_moves(space.design_of(space.base)))
+    blocks = -(-surrogate.trials // block)
+
+    def log_score(design: Array, seed: Array) -> Scalar:
+        def means(number: Array) -> Array:
+            trials = number * block + jnp.arange(block, dtype=jnp.int32)
+            return surrogate.traced_values(space.hand(design), engine, trials, seed).mean(axis=-1)
+
+        each = jax.lax.map(means, jnp.arange(blocks, dtype=jnp.int32))
+        return surrogate.log_score(each.mean(axis=0))
+
+    @jax.custom_jvp
+    def score(design: Array, seed: Array) -> Scalar:
+        return jnp.exp(log_score(design, seed))
+
+    @jax.custom_jvp
+    def log_gradient(design: Array, seed: Array) -> Array:
+        ways = jnp.asarray(np.concatenate([moves, -moves]))
+        factors = 0.75 ** jnp.arange(17)
+        gaps = jax.vmap(
+            lambda factor: jnp.min(
+                jax.vmap(lambda way: space.hand(design + factor * way).gap())(ways)
+            )
+        )(factors)
+        reach = factors[jnp.argmax(gaps > space.least_gap(0.5))]
+        logs = jax.lax.map(lambda way: log_score(design + reach * way, seed), ways)
+        half = 0.5 * (logs[: len(moves)] - logs[len(moves) :])
+        return jnp.linalg.pinv(jnp.asarray(moves)) @ half / reach
+
+    @score.defjvp
+    def _(primals: tuple[Array, Array], tangents: tuple[Array, Any]) -> tuple[Scalar, Scalar]:
+        value = score(*primals)
+        return value, value * jnp.dot(log_gradient(*primals), tangents[0])
+
+    @log_gradient.defjvp
+    def _(primals: tuple[Array, Array], tangents: tuple[Array, Any]) -> NoReturn:
+        raise NotImplementedError(
+            "the score has no second derivatives, since its gradient is an estimate from "
+            "differences: optimise with first derivatives, or take differences of jax.grad over "
+            "moves of some degrees, with one seed"
+        )
+
+    return lambda design, seed: score(jnp.asarray(design, float), jnp.asarray(seed, jnp.uint32))
+
+
+def _gradient(
+    surrogate: Surrogate,
+    parts: Float[np.ndarray, "directions numbers"],
+    influences: Float[np.ndarray, "directions numbers trials"],
+    *,
+    trials: int,
+    seconds: float,
+    invalid: int,
+) -> Gradient:
+    """From each direction's logarithm and its derivatives, and what each trial adds to them."""
+    signs = surrogate.signs
+    estimate, influence = signs @ parts, np.einsum("d,dpn->pn", signs, influences)
+    count = influence.shape[1]
+    covariance = influence @ influence.T / (count * (count - 1))
+    parts_se = np.sqrt((influences**2).sum(axis=-1) / (count * (count - 1)))
+    return Gradient(
+        float(estimate[0]),
+        math.sqrt(covariance[0, 0]),
+        estimate[1:],
+        covariance[1:, 1:],
+        parts[:, 1:],
+        parts_se[:, 1:],
+        largest_share(influence[1:]),
+        trials,
+        seconds,
+        invalid,
+    )
+
+
+@dataclass(frozen=True)
+class Pathwise:
+    """The mean of each trial's own derivative, in forward mode through all its steps.
+
+    The surrogate has to be a "horizon". Its `contact_layer` decides how contact is differentiated:
+    0 goes through the time of impact, more than 0 through a smooth layer (0.2 does well).
+
+    Arguments:
+        dt: step, s.
+        block: trials in one call.
+    """
+
+    dt: float = 0.05
+    block: int = 256
+
+    def __call__(
+        self, surrogate: Surrogate, space: DesignSpace, designs: Designs, seed: int
+    ) -> list[Gradient]:
+        """The gradients at some designs.
+
+        Raises:
+            ValueError: a surrogate of another form.
+        """
+        if surrogate.form != "horizon":
+            raise ValueError(f"a pathwise gradient needs form 'horizon', not {surrogate.form!r}")
+        engine = Stepping(self.dt, surrogate.goal_layer)
+
+        @jax.jit
+        def block(first: Array, at: Array) -> tuple[Array, Array]:
+            trials = first + jnp.arange(self.block, dtype=jnp.int32)
+
+            def values(at: Array) -> Array:
+                return surrogate.traced_values(space.hand(at), engine, trials, np.uint32(seed))
+
+            return values(at), jax.jacfwd(values)(at)
+
+        return [self._at(surrogate, block, design) for design in designs]
+
+    def _at(
+        self,
+        surrogate: Surrogate,
+        block: Callable[[Array, Array], tuple[Array, Array]],
+        design: Float[np.ndarray, " parameters"],
+    ) -> Gradient:
+        began = time.perf_counter()
+        at, firsts = jnp.asarray(design, float), range(0, surrogate.trials, self.block)
+
+        def run(first: int) -> tuple[np.ndarray, np.ndarray]:
+            with jax.enable_x64(at.dtype == jnp.float64):  # threads do not inherit it
+                return jax.device_get(block(jnp.int32(first), at))
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            parts = list(pool.map(run, firsts))
+        values = np.concatenate([part[0] for part in parts], axis=-1)[..., : surrogate.trials]
+        slopes = np.concatenate([part[1] for part in parts], axis=-2)[..., : surrogate.trials, :]
+        good = np.isfinite(slopes).all(axis=(0, 1, 3)) & np.isfinite(values).all(axis=(0, 1))
+        values, slopes = values[..., good], slopes[..., good, :]
+        means = values.mean(axis=-1)
+        (value,), (weights,) = surrogate.judge(means[None])
+        own = np.einsum("dk,dknp->dpn", weights, slopes)
+        deviations = np.einsum("dk,dkn->dn", weights, values - means[..., None])
+        influences = np.concatenate(
+            [deviations[:, None], own - own.mean(axis=-1, keepdims=True)], axis=1
+        )
+        return _gradient(
+            surrogate,
+            np.concatenate([value[:, None], own.mean(axis=-1)], axis=1),
+            influences,
+            trials=surrogate.trials * len(means),
+            seconds=time.perf_counter() - began,
+            invalid=int(np.sum(~good)),
+        )
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """Two estimators, each component weighted by the inverse of its variance.
+
+    Arguments:
+        first, second: the estimators.
+        changes: what the second one's surrogate has otherwise, for instance
+            (("contact_layer", 0.2), ("trials", 256)).
+
+    Examples:
+        >>> import pcjax
+        >>> both = pcjax.Mixture(pcjax.Differences(), pcjax.Pathwise(), (("contact_layer", 0.2),))
+        >>> both.first.directions
+        'axial'
+    """
+
+    first: Estimator
+    second: Estimator
+    changes: tuple[tuple[str, Any], ...] = ()
+
+    def __call__(
+        self, surrogate: Surrogate, space: DesignSpace, designs: Designs, seed: int
+    ) -> list[Gradient]:
+        """The gradients at some designs; the values are the first one's."""
+        ones = self.first(surrogate, space, designs, seed)
+        twos = self.second(replace(surrogate, **dict(self.changes)), space, designs, seed ^ _OTHER)
+        return [mixed(one, two) for one, two in zip(ones, twos, strict=True)]
+
+
+def mixed(one: Gradient, two: Gradient) -> Gradient:
+    """Two independent estimates as one, each component weighted by the inverse of its variance."""
+    share = two.se**2 / (one.se**2 + two.se**2)
+    rest = 1 - share
+    return Gradient(
+        one.value,
+        one.value_se,
+        share * one.gradient + rest * two.gradient,
+        np.outer(share, share) * one.covariance + np.outer(rest, rest) * two.covariance,
+        share * one.parts + rest * two.parts,
+        np.hypot(share * one.parts_se, rest * two.parts_se),
+        max(one.largest_share, two.largest_share),
+        one.trials + two.trials,
+        one.seconds + two.seconds,
+        one.invalid + two.invalid,
+    )
+
+
+def open_reach(
+    space: DesignSpace,
+    design: Float[np.ndarray, " parameters"],
+    moves: Float[np.ndarray, "moves p"],
+) -> float:
+    """The factor, at most 1, with which all moves leave the hand open, either way.
+
+    Raises:
+        ValueError: there is none above 1 %.
+    """
+    for factor in 0.75 ** np.arange(17):
+        if all(space.open(design + sign * factor * m, 0.5) for m in moves for sign in (1, -1)):
+            return float(factor)
+    raise ValueError("the hand is closed, or as good as closed: there is no way to move from it")
+
+
+def largest_share(influence: Float[np.ndarray, "components trials"]) -> float:
+    """The largest trial's share of the squared deviations, in the worst component."""
+    squares = influence**2
+    totals = squares.sum(axis=1)
+    return float(np.max(squares.max(axis=1) / np.where(totals > 0, totals, 1.0)))

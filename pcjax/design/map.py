@@ -1,0 +1,199 @@
+"""The exact score of the hands that two parameters make, as labelled data."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, Bool, Float
+
+from pcjax.checks import check_count
+from pcjax.design.compare import score_all
+from pcjax.design.search import grid_lines
+from pcjax.design.space import DesignSpace
+from pcjax.model.hand import full_cage
+from pcjax.model.scenario import fits, is_hand
+from pcjax.quality.surrogate import Surrogate
+from pcjax.results.schema import provenance
+
+
+def shapes(
+    surrogate: Surrogate, space: DesignSpace, designs: Float[np.ndarray, "*shape parameters"]
+) -> tuple[Float[np.ndarray, "*shape"], Bool[np.ndarray, "*shape"]]:
+    """The gaps of many hands, and which of them can be: lengths above 0, hands in all of the
+    task's directions, and room for the object at its starts."""
+
+    def one(design: Array) -> tuple[Array, Array]:
+        hand = space.hand(design)
+        there = jnp.all(jnp.array([length > 0 for row in hand.lengths for length in row]))
+        there = there & is_hand(hand, surrogate.task.directions)
+        for scenario in surrogate.task.scenarios(hand):
+            there = there & fits(scenario)
+        return jnp.asarray(hand.gap()), there
+
+    flat = designs.reshape(-1, len(space.free))
+    with jax.enable_x64(True):
+        gaps, there = jax.device_get(jax.jit(jax.vmap(one))(jnp.asarray(flat, float)))
+    return gaps.reshape(designs.shape[:-1]), there.reshape(designs.shape[:-1])
+
+
+def score_map(
+    surrogate: Surrogate,
+    space: DesignSpace,
+    points: Sequence[int] | None = None,
+    *,
+    seed: int = 0,
+    progress: bool = False,
+) -> xr.Dataset:
+    """The exact score over two parameters of a hand, all hands on the same trials.
+
+    Arguments:
+        surrogate: whose task, objective and trials count; nothing is relaxed.
+        space: with two free parameters; its clearance does not count.
+        points: hands along each parameter, from its lower to its upper bound; 11 each unless given.
+        seed: of the trials.
+        progress: whether to show a bar on stderr.
+
+    Returns:
+        A dataset along the two parameters' labels, the second first, with the `score` and its
+        standard error `se` (NaN where there is none), the hand's `gap`, whether it is a `full_cage`
+        and whether it is `possible` at all. Attributes `current_...` are the base hand's; there are
+        none where it is not on the map: outside the bounds, or its fingers differ in a parameter
+        that is for both.
+
+    Raises:
+        ValueError: not two parameters, a number out of range, or no hand that has a score.
+    """
+    return MapPlan.of(surrogate, space, points, seed=seed).run(progress=progress)
+
+
+@dataclass(frozen=True)
+class MapPlan:
+    """The hands of a map before they are scored.
+
+    Attributes:
+        surrogate, space, seed: see `score_map`.
+        lines: values of each parameter.
+        designs: of the grid, the second parameter slowest, and after them the base hand's.
+        gaps, possible: of those (`shapes`).
+        scored: which of those are to be scored.
+    """
+
+    surrogate: Surrogate
+    space: DesignSpace
+    seed: int
+    lines: list[Float[np.ndarray, " points"]]
+    designs: Float[np.ndarray, "designs 2"]
+    gaps: Float[np.ndarray, " designs"]
+    possible: Bool[np.ndarray, " designs"]
+    scored: Bool[np.ndarray, " designs"]
+
+    @classmethod
+    def of(
+        cls,
+        surrogate: Surrogate,
+        space: DesignSpace,
+        points: Sequence[int] | None = None,
+        *,
+        seed: int = 0,
+    ) -> MapPlan:
+        """Checks everything and looks at every hand; see `score_map`."""
+        check_count("seed", seed, 0, 2**32 - 1)
+        if len(space.free) != 2:
+            raise ValueError(f"a map needs two free parameters, and there are {len(space.free)}")
+        lines = grid_lines(space, points)
+        for p, line in zip(space.free, lines, strict=True):
+            check_count(f"grid points of {p.name}", len(line), 2, 1000)
+        current = space.design_of(space.base)
+        designs = np.stack(np.meshgrid(*lines), axis=-1).reshape(-1, 2)
+        designs = np.concatenate([designs, current[None]])
+        gaps, possible = shapes(surrogate, space, designs)
+        scored = possible & ~full_cage(gaps, space.width)
+        if not np.any(scored[:-1]):
+            raise ValueError(
+                "no hand on the map has a score: everywhere the gap is narrower than the object, "
+                "limbs cross, or the object does not fit; take other bounds or more points"
+            )
+        scored[-1] &= _on_map(space, current)
+        return cls(surrogate, space, seed, lines, designs, gaps, possible, scored)
+
+    @property
+    def hands(self) -> int:
+        """How many hands of the grid are to be scored."""
+        return int(np.sum(self.scored[:-1]))
+
+    def run(self, *, progress: bool = False) -> xr.Dataset:
+        """The map; see `score_map`."""
+        began = time.perf_counter()
+        surrogate, space, count = self.surrogate, self.space, len(self.designs)
+        found, invalid = score_all(
+            surrogate, space, list(self.designs[self.scored]), seed=self.seed, progress=progress
+        )
+        values, errors = np.full((2, count), np.nan)
+        values[self.scored] = [score.value for score in found]
+        errors[self.scored] = [score.se for score in found]
+        x, y = space.free
+        sides = {y.label: self.lines[1], x.label: self.lines[0]}
+        each = {
+            "score": (values, {"long_name": score_name(surrogate)}),
+            "se": (errors, {"long_name": "standard error of the score"}),
+            "gap": (
+                self.gaps,
+                {"units": "model length", "long_name": "narrowest passage out of the hand"},
+            ),
+            "full_cage": (
+                full_cage(self.gaps, space.width),
+                {"long_name": "whether the gap is narrower than the object"},
+            ),
+            "possible": (
+                self.possible,
+                {"long_name": "whether no limbs cross and the object fits at its starts"},
+            ),
+        }
+        shape = len(self.lines[1]), len(self.lines[0])
+        current = self.designs[-1]
+        about_current = {
+            **{f"current_{name}": value for name, value in space.named(current).items()},
+            "current_score": values[-1],
+            "current_se": errors[-1],
+        }
+        return xr.Dataset(
+            {
+                name: (tuple(sides), numbers[:-1].reshape(shape), attrs)
+                for name, (numbers, attrs) in each.items()
+            },
+            coords=sides,
+            attrs=provenance(
+                {
+                    "trials": surrogate.trials,
+                    "max_steps": surrogate.task.max_steps,
+                    "seed": self.seed,
+                    "objective": surrogate.objective,
+                    "score_name": score_name(surrogate),
+                    "directions": list(surrogate.task.directions),
+                    "object_width": space.width,
+                    "hands": self.hands,
+                    "invalid": invalid,
+                    "wall_seconds": time.perf_counter() - began,
+                    **(about_current if _on_map(space, current) else {}),
+                }
+            ),
+        )
+
+
+def _on_map(space: DesignSpace, current: Float[np.ndarray, "2"]) -> bool:
+    """Whether the design `current` is the base hand, and within the bounds."""
+    pairs = zip(jax.tree.leaves(space.hand(current)), jax.tree.leaves(space.base), strict=True)
+    same = all(np.isclose(float(a), float(b), rtol=1e-9, atol=1e-12) for a, b in pairs)
+    return same and bool(np.all((current >= space.low) & (current <= space.high)))
+
+
+def score_name(surrogate: Surrogate) -> str:
+    """What a surrogate's exact score is called."""
+    what = "DoEs / EoEn" if len(surrogate.task.directions) == 2 else "DoEs"
+    return f"{what} by {surrogate.objective}"

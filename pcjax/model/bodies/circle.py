@@ -1,0 +1,38 @@
+"""The circle: the paper's object (Sec. 3.1)."""
+
+from __future__ import annotations
+
+from pcjax.components import quantity
+from pcjax.geometry import Scalar
+from pcjax.model.bodies.base import Body, register_body, size_field
+
+
+@register_body("circle")
+class Circle(Body):
+    """A circle of radius r_o. Its mass M_o cancels from the indices; it is kept for energies.
+
+    Arguments:
+        radius: r_o, a length.
+        mass: M_o.
+
+    Raises:
+        ValueError: a radius or mass that is not a positive number.
+
+    Examples:
+        >>> import pcjax
+        >>> pcjax.Circle(25.0).width
+        50.0
+        >>> pcjax.Circle(-1)
+        Traceback (most recent call last):
+        ValueError: radius is -1: it has to be above 0
+    """
+
+    radius: Scalar = size_field("r_o")
+    mass: Scalar = quantity("mass", "M_o", default=1.0, low=0, above=True)
+
+    noun = "circle of radius"
+
+    @property
+    def width(self) -> Scalar:
+        """The narrowest gap that it fits through."""
+        return 2 * self.radius

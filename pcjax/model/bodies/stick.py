@@ -1,0 +1,75 @@
+"""The stick: the paper's other object (Sec. 3.6.3)."""
+
+from __future__ import annotations
+
+from pcjax.components import quantity
+from pcjax.geometry import Scalar, Vec
+from pcjax.model.bodies.base import Body, register_body, size_field
+
+SKIN = 2e-4
+"""Share of a stick's half length at which it is held off the limbs (0.01 for the paper's stick).
+
+Wide enough that rounding cannot hide on which side of a limb the stick is, and thousands of times
+thinner than anything else in the paper's settings.
+"""
+
+
+@register_body("stick")
+class Stick(Body):
+    """A thin uniform rod: half length r_o, moment of inertia I = M_o r_o^2 / 3, no thickness.
+
+    Arguments:
+        half_length: r_o.
+        orientation: angle from the palm at the start of a trial, radians; 0 is parallel to it.
+        mass: M_o; it cancels from the indices.
+
+    Raises:
+        ValueError: a half length or mass that is not a positive number, or an orientation that is
+            not finite.
+
+    Examples:
+        >>> import math, pcjax
+        >>> stick = pcjax.Stick(50.0, orientation=math.radians(45))
+        >>> round(stick.inertia, 1)
+        833.3
+    """
+
+    half_length: Scalar = size_field("r_o, its half length")
+    orientation: Scalar = quantity(
+        "angle",
+        "its angle from the palm at the start",
+        default=0.0,
+        key="orientation",
+        flag="orientation",
+    )
+    mass: Scalar = quantity("mass", "M_o", default=1.0, low=0, above=True)
+
+    turns = True
+    longest_step = 0.01
+    usual_max_steps = 180_000
+    noun = "stick of half length"
+
+    @property
+    def radius(self) -> Scalar:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """r_o, by a circle's name for it: that of the circle that the stick can turn in."""
+        return self.half_length
+
+    @property
+    def inertia(self) -> Scalar:
+        """I = M_o r_o^2 / 3."""
+        return self.mass * self.half_length * self.half_length / 3
+
+    @property
+    def skin(self) -> Scalar:
+        """The distance from limbs at which contact begins; see `SKIN`."""
+        return SKIN * self.half_length
+
+    @property
+    def width(self) -> Scalar:
+        """The narrowest gap that it fits through: any, endwise."""
+        return 0.0 * self.half_length
+
+    def outline(self) -> tuple[tuple[Vec, ...], Scalar]:
+        """Its two ends, not rounded."""
+        zero = 0.0 * self.half_length
+        return (Vec(-self.half_length, zero), Vec(self.half_length, zero)), zero

@@ -1,0 +1,253 @@
+"""The paper's figures as data: settings -> conditions -> curves with standard errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Bool, Float
+
+from pcjax.model.bodies.circle import Circle
+from pcjax.model.bodies.stick import Stick
+from pcjax.model.drives.arm import PlanarArm
+from pcjax.model.hand import full_cage
+from pcjax.model.presets import box_hand, two_joint_hand
+from pcjax.model.scenario import DIRECTIONS, does
+from pcjax.paper import constants as paper
+from pcjax.results.reading import check_numbers, check_text, variable_of
+from pcjax.study.evaluate import evaluate_grid
+
+
+def run_figure(name: str, **run: Any) -> xr.Dataset:
+    """Evaluates all conditions of a figure in one batch.
+
+    Arguments:
+        name: one of `pcjax.paper.constants.FIGURE_NAMES`.
+        run: `trials`, `max_steps` (the paper's unless given) and others of
+            `pcjax.evaluate_grid`.
+
+    Raises:
+        ValueError: an unknown figure, or a number out of range.
+    """
+    if name not in paper.FIGURE_NAMES:
+        raise ValueError(f"figure is {name!r}: it has to be one of {', '.join(paper.FIGURE_NAMES)}")
+    if run.get("max_steps") is None:
+        run["max_steps"] = paper.max_steps(name)
+    if name not in paper.FIGURES:
+        return _run_arm_figure(name, **run)
+    figure, unit = paper.FIGURES[name], paper.WRIST_PALM_LENGTH
+    rows, scenarios = [], []
+    for gap_width in figure.gap_widths:
+        for radius in figure.radii:
+            for angle in figure.angles_deg:
+                hand = box_hand(
+                    math.radians(angle),
+                    palm_length=unit,
+                    gap_width=gap_width * unit,
+                    fingertip_length=paper.FINGERTIP_LENGTH * unit,
+                )
+                for direction in figure.directions:
+                    rows.append((direction, gap_width, radius, angle))
+                    scenarios.append(DIRECTIONS[direction](hand, Circle(radius * unit)))
+    names = ["direction", "gap_width", "radius", "angle"]
+    coords = dict(zip(names, zip(*rows, strict=True), strict=True))
+    dataset = evaluate_grid(scenarios, coords, **run)
+    dataset.angle.attrs = {"units": "degrees", "long_name": "fingertip angle theta_g"}
+    dataset.radius.attrs = dataset.gap_width.attrs = {"units": "palm lengths L_p"}
+    dataset.attrs |= {"figure": name, "title": figure.title}
+    return dataset
+
+
+def _run_arm_figure(name: str, **run: Any) -> xr.Dataset:
+    parts = [paper.ARM_FIGURES[part] for part in ("13", "14") if name in (part, "15")]
+    parts = parts or [paper.ARM_FIGURES[name]]
+    stick = parts[0].body == "stick"
+    # Figs. 13 and 14 share a condition, which Fig. 15 shows once.
+    angles = dict.fromkeys(
+        (a, b, o)
+        for part in parts
+        for o in part.orientations_deg
+        for a in part.angles_1_deg
+        for b in part.angles_2_deg
+    )
+    scenarios = []
+    for first, second, orientation in angles:
+        hand = two_joint_hand(
+            math.radians(first),
+            math.radians(second),
+            palm_length=paper.ARM_PALM_LENGTH,
+            lengths=paper.ARM_FINGER,
+        )
+        body = Circle(paper.ARM_RADIUS)
+        if stick:
+            body = Stick(paper.ARM_RADIUS, math.radians(orientation))
+        scenarios.append(does(hand, body, PlanarArm(gravity=paper.GRAVITY)))
+    names = ("theta_1", "theta_2", "orientation")
+    coords: dict[str, Any] = dict(zip(names, zip(*angles, strict=True), strict=True))
+    tips = [[s.hand.finger(i)[-1].end.x for i in (0, 1)] for s in scenarios]
+    coords["width"] = [float(right - left) for left, right in tips]
+    coords["direction"] = ["does"] * len(scenarios)
+    coords["angle"] = coords["width" if name == "15" else parts[0].varies]
+    dataset = evaluate_grid(scenarios, coords, **run)
+    for key in ("theta_1", "theta_2", "orientation"):
+        dataset[key].attrs = {"units": "degrees"}
+    dataset.width.attrs = {"units": "model length", "long_name": "between the fingertips' ends"}
+    title = paper.FIG15_TITLE if name == "15" else parts[0].title
+    dataset.attrs |= {"figure": name, "title": title}
+    if stick:
+        dataset.attrs["skin"] = float(scenarios[0].body.skin)
+    return dataset
+
+
+def check_figure(data: xr.Dataset) -> None:
+    """Refuses a dataset that says it is a figure of the paper and is not.
+
+    Raises:
+        ValueError: an unknown figure, or other conditions than that figure's.
+    """
+    check_text(data, "figure")
+    name = data.attrs["figure"]
+    check_text(data, "title")
+    if name in paper.FIGURES:
+        figure = paper.FIGURES[name]
+        names = ("gap_width", "radius", "angle")
+        rows = [
+            (d, gap, radius, angle)
+            for gap in figure.gap_widths
+            for radius in figure.radii
+            for angle in figure.angles_deg
+            for d in figure.directions
+        ]
+    elif name in paper.FIGURE_NAMES:
+        parts = ("13", "14") if name == "15" else (name,)
+        names = ("theta_1", "theta_2", "orientation")
+        rows = [
+            ("does", a, b, o)
+            for part in (paper.ARM_FIGURES[p] for p in parts)
+            for o in part.orientations_deg
+            for a in part.angles_1_deg
+            for b in part.angles_2_deg
+        ]
+        for other in ("width", "angle"):
+            check_numbers(data, other, ("condition",))
+    else:
+        raise ValueError(f"the paper has no figure {name!r}")
+    rows = list(dict.fromkeys(rows))
+    for other in names:
+        check_numbers(data, other, ("condition",))
+    labels = [variable_of(data, other).values.tolist() for other in ("direction", *names)]
+    found = zip(*labels, strict=True)
+    same = [a[0] == b[0] and np.allclose(a[1:], b[1:]) for a, b in zip(found, rows, strict=False)]
+    if len(labels[0]) != len(rows) or not all(same):
+        raise ValueError(f"its conditions are not those of Fig. {name}")
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Estimates along the fingertip angle, with the covariance between them.
+
+    Attributes:
+        angle: degrees.
+        value: the estimates.
+        covariance: of the estimates; the trials are shared along the curve.
+        open: whether the object fits through the gap there.
+    """
+
+    angle: Float[np.ndarray, " n"]
+    value: Float[np.ndarray, " n"]
+    covariance: Float[np.ndarray, "n n"]
+    open: Bool[np.ndarray, " n"]
+
+    @property
+    def se(self) -> Float[np.ndarray, " n"]:
+        """Standard errors."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    def at(self, angle: float) -> int:
+        """The position of an angle."""
+        return int(np.flatnonzero(self.angle == angle)[0])
+
+    def difference(self, later: float, earlier: float) -> tuple[float, float]:
+        """value(later) - value(earlier) and its standard error, paired."""
+        return self.contrast((later, 1.0), (earlier, -1.0))
+
+    def contrast(self, *terms: tuple[float, float]) -> tuple[float, float]:
+        """The sum of value(angle) times weight over `terms`, (angle, weight), and its standard
+        error."""
+        w = np.zeros(len(self.angle))
+        for angle, weight in terms:
+            w[self.at(angle)] += weight
+        return float(w @ self.value), math.sqrt(max(float(w @ self.covariance @ w), 0.0))
+
+    def only(self, chosen: Bool[np.ndarray, " n"]) -> Curve:
+        """The curve at some of its angles."""
+        return Curve(
+            self.angle[chosen],
+            self.value[chosen],
+            self.covariance[np.ix_(chosen, chosen)],
+            self.open[chosen],
+        )
+
+
+def _places(dataset: xr.Dataset, direction: str, where: Mapping[str, float]) -> np.ndarray:
+    chosen = dataset.direction.values == direction
+    for name, value in where.items():
+        chosen = chosen & np.isclose(dataset[name].values, value)
+    places = np.flatnonzero(chosen)
+    return places[np.argsort(dataset.angle.values[places])]
+
+
+def _passable(dataset: xr.Dataset, places: np.ndarray) -> np.ndarray:
+    if "object_width" in dataset:
+        width = dataset.object_width.values[places]
+    else:  # data kept by the first version, which had circles on the wrist only
+        width = 2 * dataset.radius.values[places] * paper.WRIST_PALM_LENGTH
+    return ~np.asarray(full_cage(dataset.gap.values[places], width))
+
+
+def curve(
+    dataset: xr.Dataset,
+    direction: str,
+    estimate: str = "index1",
+    where: Mapping[str, float] | None = None,
+) -> Curve:
+    """Index 1 or index 2 against the angle, in one direction.
+
+    Arguments:
+        dataset: from `run_figure`.
+        direction: "does" or "eoen".
+        estimate: "index1" or "index2".
+        where: the radius or gap width, where the figure has several.
+    """
+    places = _places(dataset, direction, where or {})
+    k = ["index1", "index2"].index(estimate)
+    covariance = dataset.covariance[k, k]
+    return Curve(
+        dataset.angle.values[places],
+        dataset[estimate].values[places],
+        covariance.values[np.ix_(places, places)],
+        _passable(dataset, places),
+    )
+
+
+def score_curve(dataset: xr.Dataset, where: Mapping[str, float] | None = None) -> Curve:
+    """The score (18) by index 1 against the angle; errors by the delta method, paired."""
+    top, bottom = (_places(dataset, d, where or {}) for d in ("does", "eoen"))
+    means = dataset.index1.values
+    score = means[top] / means[bottom]
+    # d score_k = sum over conditions of jacobian[k] d mean
+    jacobian = np.zeros((len(score), len(means)))
+    rows = np.arange(len(score))
+    jacobian[rows, top] = 1.0 / means[bottom]
+    jacobian[rows, bottom] = -score / means[bottom]
+    covariance = dataset.covariance[0, 0].values
+    return Curve(
+        dataset.angle.values[top],
+        score,
+        jacobian @ covariance @ jacobian.T,
+        _passable(dataset, top),
+    )

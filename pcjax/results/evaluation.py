@@ -1,0 +1,414 @@
+"""Results as labelled data: printed, kept in netCDF with units and provenance, and read back."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+import xarray as xr
+
+from pcjax.model.bodies.base import Body, placed_outline
+from pcjax.model.hand import full_cage
+from pcjax.model.scenario import Scenario
+from pcjax.physics.state import INVALID, PAPER_DT
+from pcjax.quality.indices import (
+    UNDEFINED,
+    Estimate,
+    mean,
+    ratio_difference,
+    survival_curve,
+)
+from pcjax.results.reading import load_dataset
+from pcjax.results.saving import save_dataset
+from pcjax.results.schema import NAMES, WATCHED, indices_of, parameters, provenance, score_of
+from pcjax.results.tables import engines_text, in_columns, interval_text
+from pcjax.simulate.outcomes import LIMIT, STATUS_NAMES, Outcomes
+
+
+def _stick_attributes(body: Body) -> dict[str, float]:
+    """What one has to know of a stick: its angle at the start and its skin."""
+    return {
+        name: float(getattr(body, name)) for name in ("orientation", "skin") if hasattr(body, name)
+    }
+
+
+def _with_outline(data: xr.Dataset) -> xr.Dataset:
+    """An evaluation of before outlines were kept, with that of its circle or stick."""
+    if "outline" in data:
+        return data
+    radius, angle = (float(data.attrs.get(name, math.nan)) for name in ("radius", "orientation"))
+    corners, rounding = np.zeros((1, 2)), radius
+    if not math.isnan(angle):
+        along = radius * np.array([math.cos(angle), math.sin(angle)])
+        corners, rounding = np.array([-along, along]), 0.0
+    placed = data.start.values[:, None, :] + corners
+    dims = ("direction", "corner", "coordinate")
+    return data.assign(outline=(dims, placed, {"rounding": rounding}))
+
+
+class Evaluation:
+    """How hard a hand is to escape (DoEs), how easy to enter (EoEn), and the score.
+
+    Prints as a table. `dataset` holds everything: the escape step and status of every trial, the
+    limbs and goal lines, and in its attributes how it was made.
+
+    Examples:
+        >>> import pcjax
+        >>> result = pcjax.evaluate(pcjax.box_hand(0.17), trials=64, max_steps=20_000)
+        >>> result.directions
+        ['does', 'eoen']
+        >>> sum(result.status("does").values())
+        64
+        >>> result.to_xarray().index1.dims
+        ('direction', 'statistic')
+    """
+
+    def __init__(self, dataset: xr.Dataset):
+        self.dataset = dataset
+
+    @classmethod
+    def from_outcomes(
+        cls, scenarios: Mapping[str, Scenario], outcomes: Outcomes, run: Mapping[str, Any]
+    ) -> Evaluation:
+        """The evaluation of one hand from the outcomes in each direction."""
+        hands = [jax.device_get(scenario.world()) for scenario in scenarios.values()]
+        limbs = [
+            [[limb.start.x, limb.start.y, limb.end.x, limb.end.y] for limb in world.limbs]
+            for world in hands
+        ]
+        goals = [[w.goal.a.x, w.goal.a.y, w.goal.b.x, w.goal.b.y] for w in hands]
+        length = {"units": "model length (the unit that g is in)"}
+        flags = {
+            "flag_values": list(STATUS_NAMES),
+            "flag_meanings": " ".join(STATUS_NAMES.values()),
+            "long_name": "how the trial ended",
+        }
+        steps = {
+            "units": f"steps of {PAPER_DT} s",
+            "long_name": "escape step, or the limit",
+        }
+        first = next(iter(scenarios.values()))
+        with jax.enable_x64(True):
+            passages = jax.device_get([s.hand.narrowest_passage() for s in scenarios.values()])
+        gaps = [math.hypot(b.x - a.x, b.y - a.y) for a, b in passages]
+        starts = jax.device_get([s.corner_start() for s in scenarios.values()])
+        placed = [
+            placed_outline(s.body, np.array([start.x, start.y], float))
+            for s, start in zip(scenarios.values(), starts, strict=True)
+        ]
+        watched = {}
+        if outcomes.watch is not None:
+            watched = {
+                name: (("direction", "trial"), outcomes.watch[..., k], attrs)
+                for k, (name, attrs) in enumerate(WATCHED.items())
+            }
+        dataset = xr.Dataset(
+            watched
+            | {
+                "escape_step": (("direction", "trial"), outcomes.steps, steps),
+                "status": (("direction", "trial"), outcomes.status, flags),
+                "limbs": (("direction", "limb", "end"), np.array(limbs, float), length),
+                "goal": (("direction", "end"), np.array(goals, float), length),
+                "passage": (
+                    ("direction", "end"),
+                    np.array([[a.x, a.y, b.x, b.y] for a, b in passages], float),
+                    length | {"long_name": "narrowest passage between the fingers"},
+                ),
+                "gap": ("direction", gaps, length | {"long_name": "length of the passage"}),
+                "start": (
+                    ("direction", "coordinate"),
+                    np.array([[start.x, start.y] for start in starts], float),
+                    length | {"long_name": "the start closest to the right corner"},
+                ),
+                "outline": (
+                    ("direction", "corner", "coordinate"),
+                    np.stack([corners for corners, _ in placed]),
+                    length | {"long_name": "the object's corners there", "rounding": placed[0][1]},
+                ),
+            },
+            coords={
+                "direction": list(scenarios),
+                "end": ["x_start", "y_start", "x_end", "y_end"],
+                "coordinate": ["x", "y"],
+            },
+            attrs=provenance(run)
+            | {
+                "max_steps": outcomes.max_steps,
+                "radius": float(first.body.radius),
+                "width": float(first.body.width),
+            }
+            | _stick_attributes(first.body)
+            | {
+                "parameters": json.dumps({k: parameters(s) for k, s in scenarios.items()}),
+            },
+        )
+        return cls(dataset)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Evaluation:
+        """Reads what `save` has written.
+
+        Raises:
+            ValueError: there is no such file, it is damaged, or no evaluation.
+        """
+        data = load_dataset(path)
+        if "escape_step" not in data or "sweep" in data.attrs:
+            raise ValueError(f"{path} is a result of pcjax, but no evaluation of one hand")
+        return cls(_with_outline(data))
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Writes everything to a netCDF file.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        return save_dataset(self.dataset, path)
+
+    def to_xarray(self) -> xr.Dataset:
+        """The data with the estimates beside it: `index1`, `index2` (direction, statistic) and,
+        if both directions were evaluated, `score` (index, statistic)."""
+        statistics = list(asdict(UNDEFINED))
+
+        def row(estimate: Estimate) -> list[float]:
+            return list(asdict(estimate).values())
+
+        indices = {d: self.indices(d) for d in self.directions}
+        dataset = self.dataset.assign_coords(statistic=statistics)
+        for name, units in (("index1", f"steps of {PAPER_DT} s"), ("index2", "1")):
+            values = [row(indices[d][name]) for d in self.directions]
+            dataset[name] = (("direction", "statistic"), values, {"units": units})
+        if len(self.directions) == 2:
+            score = self.score()
+            dataset = dataset.assign_coords(index=list(score))
+            values = [row(estimate) for estimate in score.values()]
+            dataset["score"] = (("index", "statistic"), values, {"units": "1"})
+        return dataset
+
+    @property
+    def directions(self) -> list[str]:
+        """The directions evaluated, of "does" and "eoen"."""
+        return [str(d) for d in self.dataset.direction.values]
+
+    @property
+    def max_steps(self) -> int:
+        """The step limit."""
+        return int(self.dataset.attrs["max_steps"])
+
+    @property
+    def trials(self) -> int:
+        """Trials per direction."""
+        return self.dataset.sizes["trial"]
+
+    def indices(self, direction: str) -> dict[str, Estimate]:
+        """Index 1 and index 2 in one direction, over the trials that did not go wrong."""
+        one = self.dataset.sel(direction=direction)
+        return indices_of(
+            one.escape_step.values, one.status.values, self.max_steps, caged=self._caged(direction)
+        )
+
+    def score(self) -> dict[str, Estimate]:
+        """The score (18) by index 1 and by index 2; trial i of both directions shares its draws.
+
+        Raises:
+            ValueError: only one direction was evaluated.
+        """
+        if len(self.directions) < 2:
+            raise ValueError("the score needs both directions: evaluate with direction='both'")
+        both = self.dataset.sel(direction=list(NAMES))
+        does, eoen = (self._caged(direction) for direction in NAMES)
+        return score_of(
+            both.escape_step.values, both.status.values, self.max_steps, caged=(does, eoen)
+        )
+
+    def difference(self, other: Evaluation, direction: str) -> dict[str, Estimate]:
+        """How much higher this hand's index 1 and index 2 are than another one's.
+
+        Trial i was the same experiment for both, so the difference is known better than either.
+
+        Arguments:
+            other: the other hand.
+            direction: "does", "eoen", or "score" for the difference of the scores.
+
+        Raises:
+            ValueError: the two differ in seed, limit or number of trials.
+        """
+        for name in ("seed", "max_steps", "trials"):
+            mine, theirs = (
+                run.trials if name == "trials" else int(run.dataset.attrs[name])
+                for run in (self, other)
+            )
+            if mine != theirs:
+                raise ValueError(
+                    f"{name} is {mine} here and {theirs} there: only runs with the same seed, "
+                    "limit and trials can be compared trial by trial"
+                )
+        if direction == "score":
+            return self._score_difference(other)
+        valid = self._valid([direction]) & other._valid([direction])
+        (steps, stayed), (their_steps, they_stayed) = (
+            run._trials(direction, valid) for run in (self, other)
+        )
+        # Of a hand that is a full cage it is known that every trial reaches the limit.
+        mine, theirs = (0.0 if run._caged(direction) else 1.0 for run in (self, other))
+        samples = {
+            "index1": (self.max_steps, (steps - their_steps).astype(float)),
+            "index2": (1.0, stayed.astype(float) - they_stayed.astype(float)),
+        }
+        lost = int(np.sum(~valid))
+        return {
+            name: mean(sample, -most * mine, most * theirs, lost=lost)
+            for name, (most, sample) in samples.items()
+        }
+
+    def _score_difference(self, other: Evaluation) -> dict[str, Estimate]:
+        both = list(NAMES)
+        valid = self._valid(both) & other._valid(both)
+        pairs = [[run._trials(d, valid) for d in both] for run in (self, other)]
+        a, b, c, d = (run._caged(direction) for run in (self, other) for direction in both)
+        found = {}
+        for k, (name, most) in enumerate((("index1", self.max_steps), ("index2", 1.0))):
+            mine, theirs = (np.stack([one[k].astype(float) for one in pair]) for pair in pairs)
+            lost = int(np.sum(~valid))
+            found[name] = ratio_difference(mine, theirs, most, certain=(a, b, c, d), lost=lost)
+        return found
+
+    def status(self, direction: str) -> dict[str, int]:
+        """How many trials passed, reached the limit, or went wrong."""
+        status = self.dataset.status.sel(direction=direction).values
+        return {name: int(np.sum(status == code)) for code, name in STATUS_NAMES.items()}
+
+    def survival(self, direction: str) -> tuple[np.ndarray, np.ndarray]:
+        """Steps, and the share of trials that has not passed by then (`survival_curve`)."""
+        return survival_curve(*self._trials(direction, self._valid([direction])))
+
+    def stick(self, direction: str) -> dict[str, float] | None:
+        """The worst of all trials of a stick in one direction, None for a circle.
+
+        `penetration`, how deep it was inside its `skin` at the end of a step (less than the skin:
+        nothing was cut), and `travel`, the largest relative speed times the step. `undone` is how
+        many steps in all had to leave the stick where it was.
+        """
+        if "skin" not in self.dataset.attrs:
+            return None
+        data = self.dataset.sel(direction=direction)
+        worst = {name: float(data[name].max()) for name in WATCHED}
+        undone = int(data.undone.sum())
+        return worst | {"undone": undone, "skin": float(self.dataset.attrs["skin"])}
+
+    def notes(self) -> list[str]:
+        """What one should know before using the numbers; empty if all is well."""
+        notes = []
+        if "no_eoen" in self.dataset.attrs:
+            notes.append(f"EoEn, and so the score, is not given: {self.dataset.attrs['no_eoen']}")
+        steps = bool(np.isfinite(self.dataset.attrs["dt"]))
+        cure = "a smaller dt mends it" if steps else "precision 64 or engine 'stepping' may mend it"
+        for direction in self.directions:
+            name, counts, n = NAMES[direction], self.status(direction), self.trials
+            caged = self._caged(direction)
+            if caged:
+                gap, width = self._gap_and_width(direction)
+                notes.append(
+                    f"{name}: full cage, the gap of {gap:.4g} is narrower than the object "
+                    f"({width:.4g}) and nothing passes"
+                )
+            if counts["invalid"]:
+                notes.append(
+                    f"{name}: {counts['invalid']} of {n} trials went wrong (a limb stepped over, "
+                    "or not a number) and are left out of the indices; the intervals hold "
+                    f"wherever they would have ended; {cure}"
+                )
+            if counts["limit"] == n and not caged:
+                notes.append(
+                    f"{name}: nobody passed within {self.max_steps:,} steps, so index 1 is the "
+                    "limit itself, and its interval says what the trials exclude; a higher limit "
+                    "tells more"
+                )
+            if counts["passed"] == n:
+                notes.append(f"{name}: everybody passed, so index 2 is 0")
+        if len(self.directions) == 2:
+            eoen = self.status("eoen")
+            if eoen["limit"] == self.trials:
+                notes.append("EoEn is at the limit: the score says only how DoEs falls short of it")
+            score = self.score()
+            if math.isnan(score["index1"].value):
+                notes.append("the score is undefined: no trial went right in both directions")
+            elif math.isnan(score["index2"].value):
+                notes.append(
+                    "the score by index 2 is undefined: EoEn's index 2 is 0 over the trials that "
+                    "went right in both directions"
+                )
+        return notes
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain numbers for `--json`; what is undefined is null."""
+
+        def plain(estimate: Estimate) -> dict[str, float | None]:
+            return {k: v if math.isfinite(v) else None for k, v in asdict(estimate).items()}
+
+        out: dict[str, Any] = {
+            d: {name: plain(e) for name, e in self.indices(d).items()} for d in self.directions
+        }
+        if len(self.directions) == 2:
+            out["score"] = {name: plain(e) for name, e in self.score().items()}
+        sticks = {d: stick for d in self.directions if (stick := self.stick(d))}
+        if sticks:
+            out["stick"] = sticks
+        attrs = self.dataset.attrs
+        return out | {
+            "trials": self.trials,
+            "seed": int(attrs["seed"]),
+            "engine": str(attrs["engine"]),
+            "status": {d: self.status(d) for d in self.directions},
+            "wall_seconds": float(attrs["wall_seconds"]),
+            "notes": self.notes(),
+        }
+
+    def __repr__(self) -> str:
+        attrs = self.dataset.attrs
+        rows = [f"{'':8}{'index 1 [steps]':>26}{'':24}{'index 2':>18}"]
+        told = [(NAMES[d], self.indices(d), ",.0f") for d in self.directions]
+        told += [("score", self.score(), ".4f")] if len(self.directions) == 2 else []
+        for name, estimates, form in told:
+            one, two = estimates.values()
+            left = f"{name:8}{in_columns(one, form, 10, 7)}{interval_text(one, form):>24}"
+            rows.append(
+                f"{left}{in_columns(two, '.4f', 12, 6)}  {interval_text(two, '.4f')}".rstrip()
+            )
+        rows.append(
+            f"{self.trials:,} trials a direction, limit {self.max_steps:,} steps, seed "
+            f"{attrs['seed']}, {engines_text(attrs['engine'], attrs['dt'])}, "
+            f"float{attrs['precision']}, {attrs['wall_seconds']:.1f} s; "
+            "value ± standard error [95 % interval]"
+        )
+        for direction in self.directions:
+            if stick := self.stick(direction):
+                rows.append(
+                    f"stick, {NAMES[direction]}: worst penetration {stick['penetration']:.2g} of "
+                    f"a skin of {stick['skin']:.2g}, farthest travel in a step "
+                    f"{stick['travel']:.3g}, {stick['undone']} steps undone, "
+                    f"{self.status(direction)['invalid']} trials went wrong"
+                )
+        return "\n".join(rows + [f"note: {note}" for note in self.notes()])
+
+    def _gap_and_width(self, direction: str) -> tuple[float, float]:
+        attrs = self.dataset.attrs
+        width = float(attrs.get("width", 2 * attrs["radius"]))
+        return float(self.dataset.gap.sel(direction=direction)), width
+
+    def _caged(self, direction: str) -> bool:
+        return bool(full_cage(*self._gap_and_width(direction)))
+
+    def _valid(self, directions: list[str]) -> np.ndarray:
+        return (self.dataset.status.sel(direction=directions) != INVALID).all("direction").values
+
+    def _trials(self, direction: str, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Escape steps, and who reached the limit, of the chosen trials."""
+        one = self.dataset.sel(direction=direction)
+        return one.escape_step.values[chosen], one.status.values[chosen] == LIMIT

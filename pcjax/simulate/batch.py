@@ -1,0 +1,154 @@
+"""Many trials of many conditions: lanes in blocks of one size, refilled as trials end.
+
+One compiled program advances a block of lanes by a period or more of the drive. A lane is one trial
+of any one condition; between calls, lanes that have ended give their place to trials that wait.
+Worker threads (one per core, or one per accelerator) share one supply of waiting trials, so all
+cores stay busy and nobody waits for the slowest trial. What a trial does depends on
+(seed, trial number, condition) alone, never on its neighbours in the block.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from tqdm.auto import tqdm
+
+from pcjax.checks import check_count
+from pcjax.model.scenario import Scenario
+from pcjax.simulate.cloud import Cloud
+from pcjax.simulate.lanes import Engine
+from pcjax.simulate.outcomes import Outcomes
+from pcjax.simulate.workers import Ledger, advance_for, crew_of, work
+
+_BLOCK = {"cpu": 1024}
+_BLOCK_ON_ACCELERATOR = 65_536
+"""Lanes per block. On a CPU a block's arrays have to fit in a core's cache; an accelerator needs
+enough lanes to fill it."""
+
+_SMALLEST_BLOCK = 64
+
+_FEWEST_CONDITIONS = 16
+
+
+def run(
+    scenarios: Sequence[Scenario],
+    *,
+    trials: int,
+    first: int = 0,
+    max_steps: int,
+    seed: int = 0,
+    engine: Engine,
+    precision: int = 32,
+    block: int | None = None,
+    workers: int | None = None,
+    progress: bool = False,
+    cloud: Cloud | None = None,
+    keep_final: bool = False,
+) -> Outcomes:
+    """Runs trials `first` to `first + trials - 1` of every scenario.
+
+    Arguments:
+        scenarios: conditions. Those of equal structure (numbers of limbs, kind of drive, period)
+            share one compiled program; their numbers may differ.
+        trials: trials per condition.
+        first: number of the first; 0 with a cloud.
+        max_steps: limit in steps of 0.001 s, whatever step the engine takes.
+        seed: trial i depends on (seed, i) alone.
+        engine: how a trial is run.
+        precision: 32 or 64 bits.
+        block: lanes per block; chosen for the device unless given.
+        workers: threads on a CPU; one per core unless given.
+        progress: whether to show a bar on stderr (where that is a terminal).
+        cloud: where trials start instead of at the scenarios' starts, one place for each trial.
+        keep_final: whether to keep where each trial was in the end.
+
+    Raises:
+        ValueError: a count out of range, or objects of which some turn and others do not.
+    """
+    turns = scenarios[0].body.turns
+    outcomes = Outcomes.blank(
+        len(scenarios),
+        trials,
+        max_steps,
+        watched=turns,
+        relaxed=engine.goal_layer is not None,
+        final=keep_final,
+    )
+    check_count("seed", seed, 0, 2**32 - 1)
+    check_count("first", first, 0, 2**31 - 1 - trials)
+    if precision not in (32, 64):
+        raise ValueError(f"precision is {precision!r}: it has to be 32 or 64 (bits)")
+    if any(scenario.body.turns != turns for scenario in scenarios):
+        raise ValueError("some of the objects turn and others do not: run them one after the other")
+    kinds: dict[Any, list[int]] = {}
+    for k, scenario in enumerate(scenarios):
+        kinds.setdefault(jax.tree.structure(scenario), []).append(k)
+    if len(kinds) > 1:
+        for chosen in kinds.values():
+            part = run(
+                [scenarios[k] for k in chosen],
+                trials=trials,
+                first=first,
+                max_steps=max_steps,
+                seed=seed,
+                engine=engine,
+                precision=precision,
+                block=block,
+                workers=workers,
+                progress=progress,
+                cloud=cloud,
+                keep_final=keep_final,
+            )
+            outcomes.put(chosen, part)
+        return outcomes
+    dtype = np.float32 if precision == 32 else np.float64
+    # The compiled program depends on how many conditions there are: of a few numbers only.
+    room = max(_FEWEST_CONDITIONS, 1 << (len(scenarios) - 1).bit_length())
+    filled = [*scenarios, *[scenarios[0]] * (room - len(scenarios))]
+    stacked = jax.tree.map(lambda *leaves: np.asarray(leaves, dtype), *filled)
+    devices = jax.local_devices()
+    platform = devices[0].platform
+    crew = crew_of(devices, workers)
+    total = outcomes.steps.size
+    if block is None:
+        fair = -(-total // len(crew))
+        largest = _BLOCK.get(platform, _BLOCK_ON_ACCELERATOR)
+        block = min(largest, max(_SMALLEST_BLOCK, 1 << (fair - 1).bit_length()))
+    check_count("block", block, 1, 2**24)
+    ledger = Ledger(scenarios, engine, outcomes, first)
+    advance = functools.partial(
+        advance_for(platform),
+        engine=engine,
+        stacked=stacked,
+        seed=np.uint32(seed),
+        last_period=np.int32(ledger.last_period),
+        cloud=None if cloud is None else jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype), cloud),
+    )
+    with (
+        tqdm(
+            total=total,
+            desc="trials",
+            unit="trial",
+            disable=None if progress else True,
+            leave=False,
+        ) as bar,
+        ThreadPoolExecutor(len(crew)) as pool,
+    ):
+        ledger.on_end = bar.update
+        jobs = [
+            pool.submit(work, ledger, advance, block, dtype, precision, device, 5 if turns else 0)
+            for device in crew
+        ]
+        try:
+            done, _ = wait(jobs, return_when=FIRST_EXCEPTION)
+        finally:
+            ledger.stopped.set()
+        for job in done:
+            job.result()
+    return outcomes

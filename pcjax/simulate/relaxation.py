@@ -1,0 +1,136 @@
+"""A goal that is spread over the channel, so that how far a trial came counts as well.
+
+The exact trial ends where its centre crosses the goal line. Relaxed, the line lies anywhere within
++-w of its place, at random; the share of lines not yet crossed is the relaxed survival
+
+    S = 1 - F(s* / w),   F(u) = z^3 (6 z^2 - 15 z + 10),   z = clip((u + 1) / 2, 0, 1),
+
+with s* the farthest that the centre has come past the line inside the channel between the
+fingertips. S is smooth in everything that the motion depends on, and as w goes to 0 it tends to the
+exact survival.
+"""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from pcjax.geometry import Scalar, Vec, first_root, unit_and_length
+from pcjax.model.hand import Channel, Goal, channel_between
+from pcjax.model.scenario import World
+from pcjax.physics.state import PASSED, RUNNING
+
+NOWHERE = -1e9
+"""s* of a trial that has not been in the channel."""
+
+
+_BOOLE = ((0.0, 7 / 90), (0.25, 32 / 90), (0.5, 12 / 90), (0.75, 32 / 90), (1.0, 7 / 90))
+"""Boole's rule: places and weights."""
+
+
+class Progress(eqx.Module):
+    """How far a trial has come.
+
+    Attributes:
+        mark: s*, the farthest that the centre has been past the goal line inside the channel.
+        first: what `mark` was at the end of the first period.
+        held: the integral of the relaxed survival over time, s.
+    """
+
+    mark: Scalar
+    first: Scalar
+    held: Scalar
+
+
+class Layer(eqx.Module):
+    """Where the goal is spread: the channel, and the half width w."""
+
+    channel: Channel
+    width: Scalar
+
+    @classmethod
+    def of(cls, channel: Channel, share: float) -> Layer:
+        """w is a share of the channel's depth. It is not differentiated: it is our choice."""
+        return cls(channel, jax.lax.stop_gradient(share * channel.depth()))
+
+    @classmethod
+    def all_of(cls, worlds: World, share: float | None) -> Layer | None:
+        """The layers of a batch of worlds, None where the goal is exact."""
+        if share is None:
+            return None
+
+        def one(world: World) -> Layer:
+            return cls.of(channel_between(world.limbs[world.finger_1], world.limbs[-1]), share)
+
+        return jax.vmap(one)(worlds)
+
+    def farthest_goal(self) -> Goal:
+        """The last line of the layer: whoever crosses it is out for certain."""
+        goal = self.channel.goal
+        along, _ = unit_and_length(goal.b - goal.a)
+        out = Vec(-along.y, along.x) * self.width
+        return Goal(goal.a + out, goal.b + out)
+
+    def follow(self, before: Progress, end: Vec, time: Scalar) -> Progress:
+        """The progress at `end`, `time` seconds later: a step so short that S hardly changes."""
+        mark = self._marked(before.mark, end, self.channel.goal.beyond(end))
+        mean = 0.5 * (self.survival(before.mark) + self.survival(mark))
+        return Progress(mark, before.first, before.held + mean * time)
+
+    def follow_leap(
+        self, before: Progress, start: Vec, end: Vec, velocity: Vec, time: Scalar
+    ) -> Progress:
+        """The progress after a move of any length under constant acceleration.
+
+        Arguments:
+            before: at `start`.
+            velocity: at `end`.
+            time: seconds from `start` to `end`.
+        """
+        goal = self.channel.goal
+        moving = time > 0
+        seconds = jnp.where(moving, time, 1.0)
+        past, reached = goal.beyond(start), goal.beyond(end)
+        last = goal.beyond(end + velocity) - reached
+        first = 2.0 * (reached - past) / seconds - last
+        change = (last - first) / seconds
+        # From `rises` on the layer is entered deeper than before, up to `top`.
+        turns = moving & (first > 0) & (last < 0)
+        top = jnp.where(turns, first / jnp.where(turns, -change, 1.0), seconds)
+        deepest = jnp.maximum(before.mark, -self.width)
+        rises = jnp.minimum(first_root(jnp.maximum(deepest - past, 0.0), -first, -change), top)
+        back = top - seconds
+        acceleration = (velocity - (end - start) * (1.0 / seconds)) * (2.0 / seconds)
+        farthest = end + (velocity + acceleration * (0.5 * back)) * back
+        mark = self._marked(before.mark, farthest, past + (first + 0.5 * change * top) * top)
+        counts = mark > before.mark
+        held = self.survival(before.mark) * rises + self.survival(mark) * (seconds - top)
+        for share, weight in _BOOLE:
+            t = rises + share * (top - rises)
+            here = jnp.maximum(before.mark, past + (first + 0.5 * change * t) * t)
+            held = held + weight * (top - rises) * self.survival(jnp.minimum(here, mark))
+        held = jnp.where(counts, held, self.survival(before.mark) * seconds)
+        return Progress(mark, before.first, before.held + jnp.where(moving, held, 0.0))
+
+    def _marked(self, mark: Scalar, point: Vec, past: Scalar) -> Scalar:
+        """The mark once a point that far past the goal line has been visited.
+
+        Who has crossed the goal line is out of the hand; how far, then counts wherever it is.
+        """
+        counts = self.channel.holds(point) | (mark > 0)
+        return jnp.where(counts, jnp.maximum(mark, past), mark)
+
+    def verdict(self, status: Scalar, progress: Progress) -> Scalar:
+        """A trial's status: it ends once it is past the last line of the layer."""
+        return jnp.where((status == RUNNING) & (progress.mark >= self.width), PASSED, status)
+
+    def survival(self, mark: Scalar) -> Scalar:
+        """S for a mark s*."""
+        return relaxed_survival(mark, self.width)
+
+
+def relaxed_survival(mark: Scalar, width: Scalar) -> Scalar:
+    """S = 1 - F(mark / width)."""
+    z = jnp.clip(0.5 * (mark / width + 1.0), 0.0, 1.0)
+    return 1.0 - z * z * z * (z * (6.0 * z - 15.0) + 10.0)

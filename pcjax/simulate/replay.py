@@ -1,0 +1,235 @@
+"""One trial as a film needs it: where everything is at any time, and how and when it ended."""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from pcjax.checks import check_count
+from pcjax.geometry import Vec
+from pcjax.model.drives.base import Drive
+from pcjax.model.hand import points_of
+from pcjax.model.scenario import Scenario
+from pcjax.physics.state import INVALID, PAPER_DT, PASSED
+from pcjax.physics.step import begin
+from pcjax.simulate.batch import run
+from pcjax.simulate.draws import period_draws, start_draws, trial_key
+from pcjax.simulate.outcomes import LIMIT, paper_steps
+from pcjax.simulate.stepping import Stepping, lag_of, trajectory
+
+PICKS = {
+    "escaped": "the first that escaped",
+    "stuck": "the first still inside at the limit",
+    "longest": "the one that took longest to escape",
+}
+"""Trials worth a look."""
+
+PICKED_FROM = 200
+"""Trials that one is picked from."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Hand and object at some times of a trial.
+
+    Attributes:
+        times: seconds since the trial began.
+        position: the object's centre in the hand frame.
+        angle: a stick's angle from the palm, radians; None for a circle.
+        joints: the hand's origin in the world, preceded by the joints of the arm that carries it.
+        turn: the angle by which the hand's axes are turned against the world's, radians.
+        pull: gravity in the world's axes, as far as it acts in the plane of the hand.
+        tilt: the wrist's T1 and T2, radians; None for other drives.
+    """
+
+    times: Float[np.ndarray, " frames"]
+    position: Float[np.ndarray, "frames 2"]
+    angle: Float[np.ndarray, " frames"] | None
+    joints: Float[np.ndarray, "frames joints 2"]
+    turn: Float[np.ndarray, " frames"]
+    pull: Float[np.ndarray, "frames 2"]
+    tilt: Float[np.ndarray, "frames 2"] | None
+
+    def in_world(
+        self, points: Float[np.ndarray, "points 2"], frame: int
+    ) -> Float[np.ndarray, "points 2"]:
+        """Points that are fixed to the hand, in the world at one of the times."""
+        c, s = math.cos(self.turn[frame]), math.sin(self.turn[frame])
+        return self.joints[frame, -1] + points @ np.array([[c, s], [-s, c]])
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One trial, from its start to its end.
+
+    Attributes:
+        scenario: the condition.
+        seed, trial: which experiment.
+        status: PASSED, LIMIT or INVALID.
+        seconds: when it ended.
+        dt: the step taken, s.
+        times: of the states kept, s.
+        position, angle: of the object then, as in `Frames`; the angle without jumps.
+    """
+
+    scenario: Scenario
+    seed: int
+    trial: int
+    status: int
+    seconds: float
+    dt: float
+    times: Float[np.ndarray, " states"]
+    position: Float[np.ndarray, "states 2"]
+    angle: Float[np.ndarray, " states"] | None
+
+    @property
+    def escape_step(self) -> int:
+        """The paper's step (of 0.001 s) in which it ended, as `pcjax.evaluate` counts."""
+        return int(paper_steps(self.seconds))
+
+    @functools.cached_property
+    def hand(self) -> Float[np.ndarray, "points 2"]:
+        """The hand as one line (`points_of`)."""
+        return points_of(self.scenario.hand)
+
+    @functools.cached_property
+    def goal(self) -> Float[np.ndarray, "2 2"]:
+        """The ends of the goal line."""
+        line = jax.device_get(self.scenario.hand.goal())
+        return np.array([[end.x, end.y] for end in (line.a, line.b)], float)
+
+    def path(self, times: Float[np.ndarray, " frames"]) -> Float[np.ndarray, "frames 2"]:
+        """Where the object's centre is in the hand frame at some times of the trial."""
+        x, y = (np.interp(times, self.times, self.position[:, k]) for k in (0, 1))
+        return np.stack([x, y], axis=-1)
+
+    def at(self, times: Float[np.ndarray, " frames"]) -> Frames:
+        """Hand and object at some times, between the trial's start and its end."""
+        angle = None if self.angle is None else np.interp(times, self.times, self.angle)
+        drive = self.scenario.drive
+        # The end of a period belongs to it, not to the next.
+        period = np.maximum(np.ceil(times / drive.period - 1e-6) - 1, 0).astype(np.int32)
+        joints, turn, pull, tilt = jax.device_get(
+            _carriage(drive, self.seed, self.trial, period, times - period * drive.period)
+        )
+        return Frames(np.asarray(times), self.path(times), angle, joints, turn, pull, tilt)
+
+
+def record(
+    scenario: Scenario, *, seed: int, trial: int, max_steps: int, dt: float = PAPER_DT
+) -> Recording:
+    """Runs one trial and keeps every step.
+
+    Arguments:
+        scenario: the condition.
+        seed, trial: which experiment; the same as trial `trial` of `pcjax.evaluate(seed=seed)`.
+        max_steps: limit in steps of 0.001 s.
+        dt: the solver's step, s.
+
+    Raises:
+        ValueError: a number out of range.
+    """
+    check_count("seed", seed, 0, 2**32 - 1)
+    check_count("trial", trial, 0, 2**31 - 1)
+    check_count("max_steps", max_steps, 1, 2**31 - 1)
+    period, limit = scenario.drive.period, max_steps * PAPER_DT
+    step = Stepping(dt).step_taken(period)
+    first, path, lag = jax.device_get(
+        _run(scenario, np.uint32(seed), trial, math.ceil(limit / period - 1e-9), dt)
+    )
+    count = int(path.steps[-1])
+    status = int(path.status[-1])
+    ended = count * step - float(lag)
+    if status not in (PASSED, INVALID) or paper_steps(ended) > max_steps:
+        status, ended = LIMIT, limit
+    times = np.arange(count + 1) * step
+
+    def both(start: Any, later: Any) -> np.ndarray:
+        return np.append(start, later[:count]).astype(float)
+
+    position = np.stack(
+        [both(first.position.x, path.position.x), both(first.position.y, path.position.y)], axis=-1
+    )
+    angle = None if first.angle is None else np.unwrap(both(first.angle, path.angle))
+    return Recording(scenario, seed, trial, status, ended, step, times, position, angle)
+
+
+@jax.jit(static_argnames=("periods", "dt"))
+def _run(scenario: Scenario, seed: Any, trial: Any, periods: int, dt: float) -> Any:
+    first = begin(scenario, start_draws(trial_key(seed, trial), scenario.draws_for_start))
+    path = trajectory(scenario, seed=seed, trial=trial, periods=periods, dt=dt)
+    last = jax.tree.map(lambda leaf: leaf[-1], path)
+    step = Stepping(dt).step_taken(scenario.drive.period)
+    return first, path, lag_of(scenario.world(), last, jnp.asarray(step))
+
+
+@jax.jit
+def _carriage(drive: Drive, seed: Any, trial: Any, periods: Array, times: Array) -> Any:
+    """`joints`, `turn`, `pull` and `tilt` of `Frames` at times of some periods."""
+    key = trial_key(seed, trial)
+
+    def one(period: Array, time: Array) -> Any:
+        before, draws = (
+            period_draws(key, jnp.maximum(k, 0), drive.targets_per_period)
+            for k in (period - 1, period)
+        )
+        there = drive.carriage(drive.swing(before, draws, period == 0), time)
+
+        def pair(vector: Vec) -> Array:
+            return jnp.stack([vector.x, vector.y])
+
+        joints = jnp.stack([pair(joint) for joint in there.joints])
+        tilt = None if there.tilt is None else pair(there.tilt)
+        return joints, there.turn, pair(there.pull), tilt
+
+    return jax.vmap(one)(periods, times)
+
+
+def pick_trial(
+    scenario: Scenario,
+    pick: str,
+    *,
+    seed: int,
+    max_steps: int,
+    dt: float = PAPER_DT,
+    trials: int = PICKED_FROM,
+    progress: bool = False,
+) -> int:
+    """A trial worth a look.
+
+    Arguments:
+        scenario, seed, max_steps, dt: as for `record`.
+        pick: one of `PICKS`.
+        trials: how many to look through.
+        progress: whether to show a bar on stderr.
+
+    Raises:
+        ValueError: an unknown name, a number out of range, or no such trial.
+    """
+    if pick not in PICKS:
+        raise ValueError(f"pick is {pick!r}: it has to be one of {', '.join(PICKS)}")
+    out = run(
+        [scenario],
+        trials=trials,
+        max_steps=max_steps,
+        seed=seed,
+        engine=Stepping(dt),
+        progress=progress,
+    )
+    wanted = LIMIT if pick == "stuck" else PASSED
+    found = np.flatnonzero(out.status[0] == wanted)
+    if len(found) == 0:
+        limit = f"{max_steps:,} steps"
+        raise ValueError(
+            f"none of the first {trials} trials is still inside after {limit}: pick 'escaped'"
+            if pick == "stuck"
+            else f"none of the first {trials} trials escaped within {limit}: pick 'stuck'"
+        )
+    return int(found[np.argmax(out.steps[0, found])] if pick == "longest" else found[0])

@@ -1,0 +1,102 @@
+"""What is compiled: a block of lanes, taken through some of their periods."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from pcjax.model.scenario import Scenario
+from pcjax.physics.state import RUNNING
+from pcjax.physics.step import begin
+from pcjax.simulate.cloud import Cloud
+from pcjax.simulate.draws import period_draws, start_draws, trial_key
+from pcjax.simulate.lanes import Engine, Lanes, with_progress, with_states
+from pcjax.simulate.relaxation import NOWHERE, Progress
+
+
+def advance_block(
+    *,
+    engine: Engine,
+    stacked: Scenario,
+    seed: jax.Array,
+    last_period: jax.Array,
+    cloud: Cloud | None,
+    lanes: Lanes,
+) -> Lanes:
+    """One call of the engine's `rounds` for a block of lanes."""
+    scenarios = jax.tree.map(lambda leaf: leaf[lanes.condition], stacked)
+    worlds = jax.vmap(lambda scenario: scenario.world())(scenarios)
+    starts = None if cloud is None else jax.tree.map(lambda leaf: leaf[lanes.trial], cloud)
+
+    def next_period(scenario: Scenario, lane: Lanes, start: Cloud | None) -> tuple[Lanes, Any]:
+        drive = scenario.drive
+        over = (lane.time >= drive.period) & (lane.period < last_period)
+        over = over & (lane.status == RUNNING)
+        period = lane.period + over
+        key = trial_key(seed, lane.trial)
+        fresh = over & (period == 0)
+        if start is None:
+            state = begin(scenario, start_draws(key, scenario.draws_for_start))
+        else:
+            state = start.state_in(scenario)
+        zero = jnp.zeros_like(lane.held)
+        first = with_progress(with_states(lane, state), Progress(zero + NOWHERE, zero, zero))
+        lane = jax.tree.map(lambda new, old: jnp.where(fresh, new, old), first, lane)
+        lane = lane._replace(
+            period=period,
+            time=jnp.where(over, 0.0, lane.time),
+            status=jnp.where(over, RUNNING, lane.status),
+            first=jnp.where(over & (period == 1), lane.mark, lane.first),
+        )
+        before = period_draws(key, jnp.maximum(period - 1, 0), drive.targets_per_period)
+        draws = period_draws(key, period, drive.targets_per_period)
+        if start is not None:
+            before = jnp.where(period == 0, start.draws, before)
+        return lane, drive.swing(before, draws, (period == 0) & (start is None))
+
+    def round(_: Any, lanes: Lanes) -> Lanes:
+        lanes, swings = jax.vmap(next_period)(scenarios, lanes, starts)
+        return engine.run(worlds, swings, lanes)
+
+    if engine.rounds == 1:
+        return round(0, lanes)
+    return jax.lax.fori_loop(0, engine.rounds, round, lanes)
+
+
+def roll(
+    engine: Engine,
+    stacked: Scenario,
+    seed: jax.Array,
+    periods: int,
+    lanes: Lanes,
+) -> Lanes:
+    """Runs lanes to their ends, or through that many periods, within one compiled program.
+
+    `run` is faster, since here a block waits for its slowest trial. This one can be differentiated,
+    forwards, with respect to every leaf of `stacked`.
+
+    Arguments:
+        engine: how trials are run.
+        stacked: the conditions, every leaf with the conditions as its first axis.
+        seed: trial i depends on (seed, i) alone.
+        periods: of the drive.
+        lanes: from `Lanes.fresh`.
+    """
+
+    def going(lanes: Lanes) -> jax.Array:
+        over = (lanes.period >= periods - 1) & (lanes.time >= stacked.drive.period)
+        return jnp.any((lanes.status == RUNNING) & ~over)
+
+    def advance(lanes: Lanes) -> Lanes:
+        return advance_block(
+            engine=engine,
+            stacked=stacked,
+            seed=seed,
+            last_period=jnp.asarray(periods - 1, jnp.int32),
+            cloud=None,
+            lanes=lanes,
+        )
+
+    return jax.lax.while_loop(going, advance, lanes)

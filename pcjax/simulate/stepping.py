@@ -1,0 +1,180 @@
+"""Trials by fixed steps: `lax.scan` over `step`. At the paper's dt this is the reference."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from pcjax.checks import check_between, check_positive
+from pcjax.geometry import Scalar
+from pcjax.model.scenario import Scenario, World
+from pcjax.physics.state import PAPER_DT, PASSED, RUNNING, State
+from pcjax.physics.step import advance, begin
+from pcjax.simulate.draws import period_draws, start_draws, trial_key
+from pcjax.simulate.lanes import Lanes, progress_of, states_of, with_progress, with_states
+from pcjax.simulate.relaxation import Layer, Progress
+
+_CHUNK = 50
+"""Steps between two looks at whether anybody in the batch is still under way."""
+
+SHORTEST_STEP, LONGEST_STEP = 1e-6, 0.2
+"""Bounds of the solver's step, s."""
+
+
+@dataclass(frozen=True)
+class Stepping:
+    """The engine that takes fixed steps.
+
+    Arguments:
+        dt: the step asked for, s. The step taken is the largest one not above it that divides a
+            period of the drive into a whole number of chunks of 50 steps.
+        goal_layer: half width of a relaxed goal, in depths of the channel (see `relaxation`).
+
+    Raises:
+        ValueError: a step outside [1e-6, 0.2] s.
+    """
+
+    dt: float = PAPER_DT
+    goal_layer: float | None = None
+    name = "stepping"
+    rounds = 1
+
+    def __post_init__(self) -> None:
+        check_positive("dt", self.dt)
+        check_between("dt", self.dt, SHORTEST_STEP, LONGEST_STEP)
+
+    def steps_per_period(self, period: float) -> int:
+        """Steps in one period of the drive."""
+        return _CHUNK * math.ceil(period / self.dt / _CHUNK - 1e-9)
+
+    def step_taken(self, period: float) -> float:
+        """The step taken, s."""
+        return period / self.steps_per_period(period)
+
+    def seconds(self, lanes: Lanes, period: float) -> np.ndarray:
+        """How long each trial has lasted, s."""
+        return lanes.steps * self.step_taken(period) - lanes.lag
+
+    def run(self, worlds: World, swings: Any, lanes: Lanes) -> Lanes:
+        """Takes a batch of trials, each at its start, through one period of their drives."""
+        period = worlds.drive.period
+        chunks = self.steps_per_period(period) // _CHUNK
+        dt = jnp.asarray(self.step_taken(period), jnp.result_type(worlds.body.radius))
+        states = states_of(lanes)
+        axes = lane_axes(states)
+        step_all = jax.vmap(
+            lambda world, swing, state: advance(world, swing, state, dt),
+            in_axes=(0, 0, axes),
+            out_axes=axes,
+        )
+
+        progress = progress_of(lanes)
+        layers = Layer.all_of(worlds, self.goal_layer)
+        if layers is not None:
+            worlds = replace(worlds, goal=jax.vmap(Layer.farthest_goal)(layers))
+
+        def one(carry: tuple[State, Progress], _: None) -> tuple[tuple[State, Progress], None]:
+            states, progress = carry
+            moved = step_all(worlds, swings, states)
+            if layers is not None:
+                time = jnp.where(states.status == RUNNING, dt, 0.0)
+                progress = jax.vmap(Layer.follow)(layers, progress, moved.position, time)
+                moved = replace(
+                    moved, status=jax.vmap(Layer.verdict)(layers, moved.status, progress)
+                )
+            return (moved, progress), None
+
+        def chunk(carry: tuple[Array, State, Progress]) -> tuple[Array, State, Progress]:
+            count, states, progress = carry
+            (states, progress), _ = jax.lax.scan(one, (states, progress), length=_CHUNK)
+            return count + 1, states, progress
+
+        def unfinished(carry: tuple[Array, State, Progress]) -> Array:
+            count, states, _ = carry
+            return (count < chunks) & jnp.any(states.status == RUNNING)
+
+        zero = jnp.zeros((), jnp.int32)
+        _, states, progress = jax.lax.while_loop(unfinished, chunk, (zero, states, progress))
+        return with_progress(with_states(lanes, states), progress)._replace(
+            time=jnp.full_like(lanes.time, period),
+            lag=jax.vmap(lag_of, in_axes=(0, axes, None))(worlds, states, dt),
+        )
+
+
+def with_clock_at_zero(states: State) -> State:
+    """The states at the start of a new period."""
+    return replace(states, clock=jnp.zeros((), jnp.int32))
+
+
+def lane_axes(states: State) -> State:
+    """The vmap axes of a batch of states: their clock is shared."""
+    return replace(jax.tree.map(lambda _: 0, states), clock=None)
+
+
+def lag_of(world: World, state: State, dt: Scalar) -> Scalar:
+    """Seconds since the goal line was crossed in the last step; 0 for one that did not pass."""
+    speed = world.goal.beyond(state.position + state.velocity) - world.goal.beyond(state.position)
+    lag = world.goal.beyond(state.position) / jnp.maximum(speed, 1e-12)
+    return jnp.where(state.status == PASSED, jnp.clip(lag, 0.0, dt * (1 - 1e-6)), 0.0)
+
+
+def trajectory(
+    scenario: Scenario,
+    *,
+    seed: int = 0,
+    trial: int = 0,
+    periods: int = 1,
+    dt: float = PAPER_DT,
+) -> State:
+    """One trial, step by step: the state after each step, stacked along a first axis.
+
+    Differentiable with respect to every leaf of the scenario, in forward and reverse mode.
+
+    Arguments:
+        scenario: the condition.
+        seed, trial: which experiment; the same as trial `trial` of `pcjax.evaluate(seed=seed)`.
+        periods: how many periods of the drive to run (10 s each in the paper).
+        dt: the step, s.
+
+    Returns:
+        `State` whose leaves have shape (periods * steps per period,).
+
+    Examples:
+        >>> import pcjax
+        >>> scenario = pcjax.does(pcjax.box_hand(), pcjax.Circle(25.0))
+        >>> path = pcjax.trajectory(scenario, seed=0, trial=3, dt=0.02)
+        >>> path.position.x.shape
+        (500,)
+        >>> bool((path.position.y > 24.9).all())  # never below the palm
+        True
+    """
+    drive = scenario.drive
+    engine = Stepping(dt)
+    key = trial_key(seed, trial)
+    world = scenario.world()
+    step_taken = engine.step_taken(drive.period)
+
+    def period(carry: tuple[State, Array], k: Array) -> tuple[tuple[State, Array], State]:
+        state, before = carry
+        draws = period_draws(key, k, drive.targets_per_period)
+        swing = drive.swing(before, draws, k == 0)
+
+        def one(state: State, _: None) -> tuple[State, State]:
+            state = advance(world, swing, state, step_taken)
+            return state, state
+
+        state, states = jax.lax.scan(
+            one, with_clock_at_zero(state), length=engine.steps_per_period(drive.period)
+        )
+        return (state, draws), states
+
+    start = begin(scenario, start_draws(key, scenario.draws_for_start))
+    blank = jnp.zeros(drive.targets_per_period)
+    _, states = jax.lax.scan(period, (start, blank), jnp.arange(periods))
+    return jax.tree.map(lambda leaf: leaf.reshape(-1), states)

@@ -1,0 +1,196 @@
+"""Worker threads that share one supply of waiting trials, and the compiled program they call."""
+
+from __future__ import annotations
+
+import functools
+import os
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from pcjax.checks import check_count
+from pcjax.geometry import Vec
+from pcjax.model.hand import HandDesign
+from pcjax.model.scenario import Scenario
+from pcjax.physics.state import INVALID, PAPER_DT, PASSED, RUNNING
+from pcjax.simulate.lanes import Engine, Lanes
+from pcjax.simulate.outcomes import LIMIT, Outcomes, paper_steps
+from pcjax.simulate.rounds import advance_block
+
+_COMPILER_OPTIONS = {
+    # Each worker thread runs its own block; XLA splitting small kernels among threads costs more
+    # than it brings.
+    "cpu": {"xla_cpu_multi_thread_eigen": False, "xla_cpu_prefer_vector_width": 512},
+}
+
+
+def crew_of(devices: Sequence[Any], workers: int | None) -> list[Any]:
+    """The device that each worker thread uses."""
+    if devices[0].platform != "cpu":
+        return list(devices)
+    if workers is None:
+        # Cores that this process may use, where the system tells.
+        affinity = getattr(os, "sched_getaffinity", None)
+        workers = len(affinity(0)) if affinity else os.cpu_count() or 1
+    check_count("workers", workers, 1, 4096)
+    return [devices[k % len(devices)] for k in range(workers)]
+
+
+class Ledger:
+    """The trials that wait and the results so far, shared by the workers."""
+
+    def __init__(
+        self, scenarios: Sequence[Scenario], engine: Engine, outcomes: Outcomes, first: int
+    ) -> None:
+        self._regions = None if engine.goal_layer is not None else _regions(scenarios)
+        self._radii = np.array([float(scenario.body.radius) for scenario in scenarios])
+        self._outcomes = outcomes
+        self._first = first
+        self.stopped = threading.Event()
+        self.on_end: Callable[[int], Any] = lambda count: None
+        self._lock = threading.Lock()
+        self._next = 0
+        self._suspended: list[Lanes] = []
+        self._busy = 0
+        self._max_steps = outcomes.max_steps
+        self._engine = engine
+        self._period = scenarios[0].drive.period
+        self.last_period = -(-outcomes.max_steps // round(self._period / PAPER_DT)) - 1
+
+    def enter(self) -> None:
+        with self._lock:
+            self._busy += 1
+
+    def fill(self, lanes: Lanes) -> bool:
+        """Gives the lanes that have ended to waiting trials; False if the worker may go home.
+
+        A worker with less than half a block left and nothing waiting hands its trials to another.
+        """
+        with self._lock:
+            free = np.flatnonzero(lanes.status != RUNNING)
+            while self._suspended and len(free):
+                waiting = self._suspended.pop()
+                count = min(len(free), len(waiting.trial))
+                for mine, theirs in zip(lanes, waiting, strict=True):
+                    mine[free[:count]] = theirs[:count]
+                if count < len(waiting.trial):
+                    self._suspended.append(Lanes(*(a[count:] for a in waiting)))
+                free = free[count:]
+            count = min(len(free), self._outcomes.steps.size - self._next)
+            fresh = self._next + np.arange(count)
+            self._next += count
+            into = free[:count]
+            # All conditions of one trial follow each other: they end at different times, so a
+            # block keeps a mixture of short and long trials.
+            row, lanes.condition[into] = np.divmod(fresh, len(self._outcomes.steps))
+            lanes.trial[into] = self._first + row
+            lanes.period[into] = -1
+            lanes.time[into] = np.inf
+            lanes.status[into] = RUNNING
+            running = np.flatnonzero(lanes.status == RUNNING)
+            if len(running) > len(lanes.trial) // 2 or self._busy == 1:
+                return len(running) > 0
+            if len(running):
+                self._suspended.append(Lanes(*(a[running] for a in lanes)))
+            self._busy -= 1
+            return False
+
+    def collect(self, lanes: Lanes, ran: np.ndarray) -> None:
+        """Takes down which of the trials that `ran` in the last call have ended."""
+        seconds = self._engine.seconds(lanes, self._period)
+        steps = paper_steps(seconds)
+        late = (lanes.status == PASSED) & (steps > self._max_steps)
+        all_over = (lanes.period >= self.last_period) & (lanes.time >= self._period)
+        out_of_time = (lanes.status == RUNNING) & all_over
+        lanes.status[ran & (late | out_of_time)] = LIMIT
+        self._look_after(lanes, np.flatnonzero(ran & out_of_time))
+        ended = np.flatnonzero(ran & (lanes.status != RUNNING))
+        where_to = lanes.condition[ended], lanes.trial[ended] - self._first
+        with self._lock:
+            self._outcomes.status[where_to] = lanes.status[ended]
+            self._outcomes.steps[where_to] = np.minimum(steps[ended], self._max_steps)
+            if self._outcomes.watch is not None:
+                self._outcomes.watch[where_to] = lanes.more[ended, 2:]
+            if self._outcomes.progress is not None:
+                first = np.where(lanes.period == 0, lanes.mark, lanes.first)
+                progress = np.stack([lanes.mark, first, lanes.held], axis=-1)
+                self._outcomes.progress[where_to] = progress[ended]
+            if self._outcomes.final is not None:
+                final = np.stack([lanes.x, lanes.y, lanes.vx, lanes.vy], axis=-1)
+                self._outcomes.final[where_to] = final[ended]
+            self.on_end(len(ended))
+
+    def _look_after(self, lanes: Lanes, held: np.ndarray) -> None:
+        """Makes trials that count as held INVALID where the object is not in the hand."""
+        if self._regions is None or len(held) == 0:
+            return
+        condition = lanes.condition[held]
+        points = np.stack([lanes.x[held], lanes.y[held]], axis=-1).astype(float)
+        outside = _how_far_outside(points, self._regions[condition])
+        lanes.status[held[outside > _STRAY * self._radii[condition]]] = INVALID
+
+
+_STRAY = 0.01
+"""How far, in radii, an object that is held may be beyond the goal line by rounding."""
+
+
+def _regions(scenarios: Sequence[Scenario]) -> Float[np.ndarray, "conditions corners 2"]:
+    """What limbs and goal line enclose in each condition."""
+    stacked = jax.tree.map(lambda *leaves: np.asarray(leaves, float), *(s.hand for s in scenarios))
+    with jax.enable_x64(True):
+        corners = jax.device_get(_corners(stacked))
+    return np.stack([[corner.x, corner.y] for corner in corners]).transpose(2, 0, 1)
+
+
+@jax.jit
+def _corners(hands: HandDesign) -> list[Vec]:
+    zero = hands.palm_length * 0.0
+    found = jax.vmap(HandDesign.region)(hands)
+    return [corner + Vec(zero, zero) for corner in found]
+
+
+def _how_far_outside(
+    points: Float[np.ndarray, "n 2"], polygons: Float[np.ndarray, "n corners 2"]
+) -> Float[np.ndarray, " n"]:
+    """Distance of each point to its own polygon, 0 inside (even-odd rule)."""
+    a, b = polygons, np.roll(polygons, -1, axis=1)
+    along, to = b - a, points[:, None] - a
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.clip((to * along).sum(-1) / (along**2).sum(-1), 0.0, 1.0)
+        x = a[..., 0] + to[..., 1] * along[..., 0] / along[..., 1]
+    straddles = (a[..., 1] > points[:, None, 1]) != (b[..., 1] > points[:, None, 1])
+    inside = (straddles & (points[:, None, 0] < x)).sum(axis=1) % 2 == 1
+    distance = np.linalg.norm(to - np.nan_to_num(share)[..., None] * along, axis=-1).min(axis=1)
+    return np.where(inside, 0.0, distance)
+
+
+def work(
+    ledger: Ledger,
+    advance: Callable[..., Any],
+    block: int,
+    dtype: type,
+    precision: int,
+    device: Any,
+    more: int,
+) -> None:
+    lanes = Lanes.idle(block, dtype, more)
+    ledger.enter()
+    with jax.enable_x64(precision == 64), jax.default_device(device):
+        while not ledger.stopped.is_set() and ledger.fill(lanes):
+            ran = lanes.status == RUNNING
+            moved = jax.device_get(advance(lanes=lanes))
+            lanes = Lanes(*(np.array(leaf) for leaf in moved))
+            ledger.collect(lanes, ran)
+
+
+@functools.cache
+def advance_for(platform: str) -> Callable[..., Any]:
+    return jax.jit(
+        advance_block,
+        static_argnames=("engine",),
+        compiler_options=_COMPILER_OPTIONS.get(platform),
+    )

@@ -1,0 +1,156 @@
+"""Several hands, with what they have to hold, on the same trials: which is better, and how sure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal
+
+from pcjax.quality.indices import Estimate
+from pcjax.results.evaluation import Evaluation
+from pcjax.study.evaluate import evaluate_study
+from pcjax.study.spec import Study
+
+Verdict = Literal["better", "worse", "not certain"]
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Hands in the order of their scores, by index 1; of DoEs where some hand has no EoEn.
+
+    Attributes:
+        evaluations: by name, the best first.
+        by: what they are ranked by, "score" or "does".
+    """
+
+    evaluations: Mapping[str, Evaluation]
+    by: Literal["score", "does"]
+
+    @property
+    def names(self) -> list[str]:
+        """The best first."""
+        return list(self.evaluations)
+
+    def value(self, name: str) -> Estimate:
+        """What a hand is ranked by."""
+        return _value(self.evaluations[name], self.by)
+
+    def difference(self, name: str, other: str) -> Estimate:
+        """How much higher one hand's value is than another's, on the same trials."""
+        mine, theirs = self.evaluations[name], self.evaluations[other]
+        return mine.difference(theirs, self.by)["index1"]
+
+    def verdict(self, name: str, other: str) -> Verdict:
+        """Whether one hand is better than another, as far as a 95 % interval can tell."""
+        found = self.difference(name, other)
+        if found.low > 0:
+            return "better"
+        return "worse" if found.high < 0 else "not certain"
+
+    def __repr__(self) -> str:
+        first = self.names[0]
+        unit, form = ("score", ".4f") if self.by == "score" else ("DoEs [steps]", ",.0f")
+        wide = min(max(len(name) for name in self.names), 24)
+        lines = [f"{'':{wide + 4}}{unit:>12}{'95 % interval':>22}{'gap':>9}   against the best"]
+        for place, (name, result) in enumerate(self.evaluations.items(), start=1):
+            value = self.value(name)
+            interval = f"[{value.low:{form}}, {value.high:{form}}]"
+            short = name if len(name) <= wide else f"...{name[3 - wide :]}"
+            line = f"{place:>2}  {short:{wide}}{value.value:>12{form}}{interval:>22}"
+            line += f"{float(result.dataset.gap[0]):>9.4g}   "
+            if place > 1:
+                off = self.difference(name, first)
+                line += f"{off.value:{form}} [{off.low:{form}}, {off.high:{form}}] "
+                line += self.verdict(name, first)
+            lines.append(line.rstrip())
+        some = self.evaluations[first]
+        lines.append(
+            f"{some.trials:,} trials a direction, the same for all; limit {some.max_steps:,} "
+            f"steps, seed {some.dataset.attrs['seed']}"
+        )
+        notes = {
+            note: [n for n, result in self.evaluations.items() if note in result.notes()]
+            for result in self.evaluations.values()
+            for note in result.notes()
+        }
+        lines += [f"note: {', '.join(names)}: {note}" for note, names in notes.items()]
+        return "\n".join(lines)
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain numbers for `--json`; what is undefined is null."""
+
+        def plain(estimate: Estimate) -> dict[str, float | None]:
+            return {k: v if math.isfinite(v) else None for k, v in asdict(estimate).items()}
+
+        first = self.names[0]
+        return {
+            "by": self.by,
+            "ranking": [
+                {
+                    "name": name,
+                    "value": plain(self.value(name)),
+                    "difference": None if name == first else plain(self.difference(name, first)),
+                    "verdict": None if name == first else self.verdict(name, first),
+                    "evaluation": result.as_json(),
+                }
+                for name, result in self.evaluations.items()
+            ],
+        }
+
+
+def compare(studies: Mapping[str, Study], *, progress: bool = False) -> Ranking:
+    """Evaluates hands on the same trials and ranks them.
+
+    Arguments:
+        studies: by name. Seed, trials, limit and precision are the first one's for all; each hand
+            keeps its own engine and step.
+        progress: whether to show a progress bar on stderr.
+
+    Raises:
+        ValueError: fewer than two studies, or one that cannot be evaluated; its name comes first.
+
+    Examples:
+        >>> import pcjax
+        >>> run = pcjax.Run(direction="does", trials=200, max_steps=100_000)
+        >>> hands = {"flared": pcjax.box_hand(-0.35), "tapered": pcjax.box_hand(0.6)}
+        >>> studies = {n: pcjax.Study(h, pcjax.Circle(25.0), run=run) for n, h in hands.items()}
+        >>> pcjax.compare(studies).verdict("flared", "tapered")
+        'worse'
+    """
+    if len(studies) < 2:
+        raise ValueError("name two hands or more to be compared")
+    first = next(iter(studies.values()))
+    same = {
+        "seed": first.run.seed,
+        "trials": first.run.trials,
+        "max_steps": first.max_steps,
+        "precision": first.run.precision,
+    }
+    found: dict[str, Evaluation] = {}
+    for name, study in studies.items():
+        try:
+            alike = replace(study, run=replace(study.run, **same), sweep=None)
+            found[name] = evaluate_study(alike, progress=progress)
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from None
+    by = "score" if all(len(e.directions) == 2 for e in found.values()) else "does"
+    if by == "does" and any("does" not in e.directions for e in found.values()):
+        raise ValueError("one hand has EoEn only and another has not: give all the same direction")
+    order = sorted(found, key=lambda name: _order(_value(found[name], by)), reverse=True)
+    return Ranking({name: found[name] for name in order}, by)
+
+
+def _value(evaluation: Evaluation, by: str) -> Estimate:
+    chosen = evaluation.score() if by == "score" else evaluation.indices(by)
+    return chosen["index1"]
+
+
+def _order(estimate: Estimate) -> float:
+    return -math.inf if math.isnan(estimate.value) else estimate.value
+
+
+def names_of(paths: Sequence[str]) -> list[str]:
+    """Names for files: without what all share of their folders and endings, if that is unique."""
+    stems = [path.rsplit("/", 1)[-1].removesuffix(".toml") for path in paths]
+    return stems if len(set(stems)) == len(stems) else list(paths)

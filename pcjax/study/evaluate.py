@@ -1,0 +1,246 @@
+"""From a hand to its quality: `evaluate` for one, `evaluate_grid` for many conditions at once."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from pcjax.checks import check_count
+from pcjax.model.bodies.base import Body
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.base import Drive
+from pcjax.model.hand import HandDesign
+from pcjax.model.scenario import Scenario, check_geometry
+from pcjax.physics.state import INVALID, PAPER_DT
+from pcjax.results.evaluation import Evaluation
+from pcjax.results.schema import WATCHED, parameters, provenance
+from pcjax.simulate.batch import run
+from pcjax.simulate.choose import choose_engine
+from pcjax.simulate.lanes import Engine
+from pcjax.simulate.outcomes import LIMIT, STATUS_NAMES, Outcomes
+from pcjax.study.spec import Run, Study
+
+
+def evaluate(
+    hand: HandDesign | None = None,
+    body: Body | None = None,
+    *,
+    direction: str | None = None,
+    drive: Drive | None = None,
+    law: ContactLaw | None = None,
+    start_spread: float = 0.1,
+    trials: int = 5000,
+    max_steps: int | None = None,
+    seed: int = 0,
+    engine: str = "auto",
+    dt: float | None = None,
+    precision: int = 32,
+    progress: bool = False,
+) -> Evaluation:
+    """Evaluates how well a hand cages an object without closing on it (Sec. 3.1).
+
+    Arguments:
+        hand: the design; unless given, the paper's box hand at theta_g = 10 deg on the wrist and
+            its two-joint hand at 65 and 90 deg on the arm.
+        body: the object; a circle of radius 0.05 L_p on the wrist and 50 on the arm unless given.
+        direction: "does" (difficulty of escaping), "eoen" (ease of entering) or "both", which also
+            gives the score; unless given, both for a hand that has both, and "does" on an arm.
+        drive: what moves the hand; the paper's wrist unless given.
+        law: contact law; the paper's unless given.
+        start_spread: spread of the starts near the palm's ends, in palm lengths.
+        trials: trials for each direction.
+        max_steps: limit in the paper's steps of 0.001 s; the paper's unless given: 600,000 for a
+            circle on the wrist, 300,000 on the arm, 180,000 for a stick.
+        seed: trial i is the same experiment for every hand evaluated with the same seed.
+        engine: "auto", "event" or "stepping" (see `choose_engine`).
+        dt: the solver's step in seconds, for stepping; chosen by the engine unless given.
+        precision: 32 or 64 bits.
+        progress: whether to show a progress bar on stderr.
+
+    Returns:
+        An `Evaluation`; print it for a table.
+
+    Raises:
+        ValueError: a number or name out of range, limbs that cross, an object that does not fit
+            at its start, or EoEn of a hand that has none.
+
+    Examples:
+        >>> import pcjax
+        >>> result = pcjax.evaluate(pcjax.box_hand(0.17), trials=64, max_steps=20_000)
+        >>> 0 < result.indices("does")["index1"].value <= 20_000
+        True
+    """
+    settings = Run(direction, trials, max_steps, seed, start_spread, engine, dt, precision)
+    return evaluate_study(Study.usual(hand, body, drive, law, settings), progress=progress)
+
+
+def evaluate_study(study: Study, *, progress: bool = False) -> Evaluation:
+    """Evaluates the hand of a study as the study says; its sweep is not looked at.
+
+    Arguments:
+        study: what is evaluated, and how.
+        progress: whether to show a progress bar on stderr.
+
+    Raises:
+        ValueError: see `evaluate`.
+    """
+    run_as, missing = study.run, study.why_no_eoen
+    scenarios = study.scenarios()
+    for scenario in scenarios.values():
+        check_geometry(scenario)
+    chosen = [choose_engine(run_as.engine, run_as.dt, scenario) for scenario in scenarios.values()]
+    began = time.perf_counter()
+    outcomes = _run_each(
+        list(scenarios.values()),
+        chosen,
+        trials=run_as.trials,
+        max_steps=study.max_steps,
+        seed=run_as.seed,
+        precision=run_as.precision,
+        progress=progress,
+    )
+    period = next(iter(scenarios.values())).drive.period
+    settings = {
+        "seed": run_as.seed,
+        "engine": _names(chosen),
+        "dt": np.fmin.reduce([engine.step_taken(period) for engine in chosen]),
+        "precision": run_as.precision,
+        "wall_seconds": time.perf_counter() - began,
+        **({"no_eoen": missing} if missing else {}),
+    }
+    return Evaluation.from_outcomes(scenarios, outcomes, settings)
+
+
+def evaluate_grid(
+    scenarios: Sequence[Scenario],
+    coords: Mapping[str, Sequence[Any]],
+    *,
+    trials: int,
+    max_steps: int,
+    seed: int = 0,
+    engine: str = "auto",
+    dt: float | None = None,
+    precision: int = 32,
+    progress: bool = False,
+) -> xr.Dataset:
+    """Evaluates many conditions in one batch, all on the same trials.
+
+    Arguments:
+        scenarios: the conditions, of equal structure.
+        coords: labels of the conditions by name, each with one value for every scenario.
+        trials, max_steps, seed, engine, dt, precision, progress: see `evaluate`.
+
+    Returns:
+        A dataset along `condition` with `index1`, `index2`, the counts of each status, the hand's
+        `gap`, and `covariance` of all the estimates (the trials are shared, so differences and
+        ratios between conditions are known better than each alone).
+
+    Raises:
+        ValueError: see `evaluate`.
+
+    Examples:
+        >>> import pcjax
+        >>> from pcjax.study.evaluate import evaluate_grid
+        >>> radii = [10.0, 25.0]
+        >>> scenarios = [pcjax.does(pcjax.box_hand(), pcjax.Circle(radius)) for radius in radii]
+        >>> data = evaluate_grid(scenarios, {"radius": radii}, trials=64, max_steps=20_000)
+        >>> data.index1.dims, data.radius.values.tolist()
+        (('condition',), [10.0, 25.0])
+    """
+    check_count("trials", trials, 2, 2**31 - 1)
+    gaps = [check_geometry(scenario) for scenario in scenarios]
+    chosen = [choose_engine(engine, dt, scenario) for scenario in scenarios]
+    began = time.perf_counter()
+    outcomes = _run_each(
+        scenarios,
+        chosen,
+        trials=trials,
+        max_steps=max_steps,
+        seed=seed,
+        precision=precision,
+        progress=progress,
+    )
+    valid = (outcomes.status != INVALID).all(axis=0)
+    if valid.sum() < 2:
+        raise ValueError("fewer than two trials went right in every condition: try a smaller dt")
+    samples = np.concatenate(
+        [outcomes.steps[:, valid].astype(float), (outcomes.status[:, valid] == LIMIT).astype(float)]
+    )
+    means = samples.mean(axis=1)
+    covariance = np.atleast_2d(np.cov(samples)) / valid.sum()
+    c = len(scenarios)
+    blocks = covariance.reshape(2, c, 2, c).transpose(0, 2, 1, 3)
+    counts = np.stack([(outcomes.status == code).sum(axis=1) for code in STATUS_NAMES], axis=1)
+    names = ["index1", "index2"]
+    watched = {}
+    if outcomes.watch is not None:
+        worst = outcomes.watch.max(axis=1).astype(float)
+        worst[:, 2] = outcomes.watch[..., 2].sum(axis=1)
+        watched = {
+            name: ("condition", worst[:, k], attrs)
+            for k, (name, attrs) in enumerate(WATCHED.items())
+        }
+    return xr.Dataset(
+        watched
+        | {
+            "index1": ("condition", means[:c], {"units": f"steps of {PAPER_DT} s"}),
+            "index2": ("condition", means[c:], {"units": "1"}),
+            "covariance": (
+                ("estimate", "estimate_2", "condition", "condition_2"),
+                blocks,
+                {"long_name": "covariance of the estimates, from the shared trials"},
+            ),
+            "count": (("condition", "status"), counts),
+            "gap": ("condition", gaps, {"units": "model length"}),
+            "object_width": (
+                "condition",
+                [float(s.body.width) for s in scenarios],
+                {"units": "model length", "long_name": "the narrowest gap the object fits through"},
+            ),
+            "dt": (
+                "condition",
+                [e.step_taken(s.drive.period) for e, s in zip(chosen, scenarios, strict=True)],
+                {"units": "s", "long_name": "the solver's step; NaN: event-driven"},
+            ),
+        },
+        coords={
+            **{name: ("condition", list(values)) for name, values in coords.items()},
+            "estimate": names,
+            "status": list(STATUS_NAMES.values()),
+        },
+        attrs=provenance(
+            {
+                "trials": trials,
+                "trials_used": int(valid.sum()),
+                "max_steps": max_steps,
+                "seed": seed,
+                "engine": _names(chosen),
+                "precision": precision,
+                "wall_seconds": time.perf_counter() - began,
+                "parameters": json.dumps([parameters(scenario) for scenario in scenarios]),
+            }
+        ),
+    )
+
+
+def _names(engines: Sequence[Engine]) -> str:
+    return ", ".join(dict.fromkeys(engine.name for engine in engines))
+
+
+def _run_each(
+    scenarios: Sequence[Scenario], engines: Sequence[Engine], **settings: Any
+) -> Outcomes:
+    """The outcomes of each scenario by its own engine; those with equal engines share a batch."""
+    watched = scenarios[0].body.turns
+    outcomes = Outcomes.blank(
+        len(scenarios), settings["trials"], settings["max_steps"], watched=watched
+    )
+    for engine in dict.fromkeys(engines):
+        chosen = [k for k, other in enumerate(engines) if other == engine]
+        outcomes.put(chosen, run([scenarios[k] for k in chosen], engine=engine, **settings))
+    return outcomes

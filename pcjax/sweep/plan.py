@@ -1,0 +1,198 @@
+"""What a sweep has to do: conditions, each in one direction, in parts of some trials."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+
+from pcjax.checks import check_count
+from pcjax.model.scenario import Scenario, check_geometry
+from pcjax.simulate.batch import run
+from pcjax.simulate.choose import choose_engine
+from pcjax.simulate.lanes import Engine
+from pcjax.simulate.outcomes import Outcomes
+from pcjax.study.spec import Study
+
+BLOCK = 1000
+"""Trials of a condition in a part."""
+
+_CONDITIONS = 16
+"""Conditions, each in one direction, in a part."""
+
+_COST = {"event": 0.18e-3, "circle": 2.5e-3, "stick": 5e-3}
+"""Rough processor seconds of a trial of the paper's length, on a core of 2023."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One condition in one direction, as it is run."""
+
+    scenario: Scenario
+    engine: Engine
+    gap: float
+
+
+@dataclass(frozen=True)
+class Part:
+    """Trials `first` to `first + trials - 1` of some cells that share a compiled program."""
+
+    name: str
+    cells: tuple[tuple[int, str], ...]
+    scenarios: tuple[Scenario, ...]
+    engine: Engine
+    first: int
+    trials: int
+    max_steps: int
+    seed: int
+    precision: int
+
+    @property
+    def count(self) -> int:
+        """Trials in all."""
+        return self.trials * len(self.cells)
+
+    def run(self, workers: int | None = None) -> Outcomes:
+        """Runs them, on this machine, with that many threads (one per core unless given)."""
+        block = None
+        if jax.local_devices()[0].platform == "cpu":
+            # By the part alone, so that the same program runs whatever the number of threads.
+            block = min(1024, max(64, 1 << (self.count // 2).bit_length()))
+        return run(
+            self.scenarios,
+            trials=self.trials,
+            first=self.first,
+            max_steps=self.max_steps,
+            seed=self.seed,
+            engine=self.engine,
+            precision=self.precision,
+            block=block,
+            workers=workers,
+        )
+
+
+class Plan:
+    """What a sweep consists of: its conditions, which of them can be run, and how.
+
+    Attributes:
+        study: with its sweep.
+        points: the swept numbers of each condition.
+        cells: what is run, by condition and direction.
+        problems: why a condition cannot be run, "" where it can.
+    """
+
+    def __init__(self, study: Study):
+        """
+        Raises:
+            ValueError: nothing is swept, or no condition can be run.
+        """
+        check_count("trials", study.run.trials, 2, 2**31 - 1)
+        self.study = study
+        self.points: list[dict[str, float]] = []
+        self.cells: dict[tuple[int, str], Cell] = {}
+        self.problems: list[str] = []
+        for k, (point, one) in enumerate(study.conditions()):
+            self.points.append(point)
+            try:
+                self.cells |= {(k, d): _cell(one, scenario) for d, scenario in _each(one)}
+                self.problems.append("")
+            except ValueError as error:
+                self.problems.append(str(error))
+        if not self.cells:
+            raise ValueError(f"no condition of the sweep can be run: {self.problems[0]}")
+
+    @property
+    def trials(self) -> int:
+        """Trials in all, at most."""
+        return len(self.cells) * self.study.run.trials
+
+    def seconds(self, cores: int) -> float:
+        """About how long it will take, going by typical speeds."""
+        total = 0.0
+        for cell in self.cells.values():
+            kind = "event" if cell.engine.name == "event" else "circle"
+            kind = "stick" if cell.scenario.body.turns else kind
+            usual = 0.02 if kind == "circle" else 0.01
+            step = cell.engine.step_taken(cell.scenario.drive.period)
+            finer = 1.0 if math.isnan(step) else usual / step
+            length = (
+                self.study.max_steps / 300_000
+                if kind != "event"
+                else (self.study.max_steps / 600_000)
+            )
+            total += _COST[kind] * finer * length * self.study.run.trials
+        return total / cores
+
+    def describe(self, cores: int) -> str:
+        """What is about to be done, in a line; with another on conditions that cannot be run."""
+        about = "at most " if self.study.run.precision_target else ""
+        lines = [
+            f"{len(self.points):,} conditions, {about}{self.trials:,} trials; "
+            f"{_duration(self.seconds(cores))} on {cores} cores"
+        ]
+        bad = [k for k, problem in enumerate(self.problems) if problem]
+        if bad:
+            where = ", ".join(f"{name} {value:g}" for name, value in self.points[bad[0]].items())
+            lines.append(
+                f"{len(bad):,} of them cannot be run and stay empty; the first, at {where}: "
+                f"{self.problems[bad[0]]}"
+            )
+        return "\n".join(lines)
+
+    def parts(self, open_cells: Sequence[tuple[int, str]], first: int, trials: int) -> list[Part]:
+        """The parts that run trials `first` to `first + trials - 1` of some cells."""
+        groups: dict[Any, list[tuple[int, str]]] = {}
+        for key in open_cells:
+            cell = self.cells[key]
+            alike = cell.engine, jax.tree.structure(cell.scenario)
+            groups.setdefault(alike, []).append(key)
+        found = []
+        for (engine, _), keys in groups.items():
+            for start in range(0, len(keys), _CONDITIONS):
+                some = tuple(keys[start : start + _CONDITIONS])
+                found.append(
+                    Part(
+                        f"{first:010d}-{len(found):06d}",
+                        some,
+                        tuple(self.cells[key].scenario for key in some),
+                        engine,
+                        first,
+                        trials,
+                        self.study.max_steps,
+                        self.study.run.seed,
+                        self.study.run.precision,
+                    )
+                )
+        return found
+
+
+def _each(study: Study) -> list[tuple[str, Scenario]]:
+    return list(study.scenarios().items())
+
+
+def _cell(study: Study, scenario: Scenario) -> Cell:
+    gap = check_geometry(scenario)
+    return Cell(scenario, choose_engine(study.run.engine, study.run.dt, scenario), gap)
+
+
+def _duration(seconds: float) -> str:
+    for size, unit in ((86_400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
+        if seconds > 2 * size:
+            return f"roughly {seconds / size:.0f} {unit}"
+    return f"roughly {seconds:.0f} seconds" if seconds > 10 else "some seconds"
+
+
+def waves(study: Study) -> Iterator[tuple[int, int, int]]:
+    """First trial and number of trials of each wave, and of its blocks.
+
+    Where a precision is asked for, a wave is one block, after which it is looked who has enough.
+    """
+    total = study.run.trials
+    if study.run.precision_target is None:
+        yield 0, total, BLOCK
+        return
+    for first in range(0, total, BLOCK):
+        yield first, min(BLOCK, total - first), BLOCK

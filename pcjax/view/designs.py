@@ -1,0 +1,225 @@
+"""Pictures of designs: an optimisation's hands, history and path, and maps of the score."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import jax
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Rectangle
+from scipy.interpolate import NearestNDInterpolator
+
+from pcjax.design.compare import compare
+from pcjax.design.map import score_name, shapes
+from pcjax.design.optimize import Optimum
+from pcjax.design.space import DesignSpace
+from pcjax.model.bodies.base import placed_outline
+from pcjax.model.hand import points_of
+from pcjax.quality.surrogate import Surrogate
+from pcjax.results.schema import NAMES
+from pcjax.study.inspect import Inspection
+from pcjax.view.shapes import COLOURS, draw_object
+
+_Z95 = 1.96
+_MAP = 11
+"""Designs along each side of a score map."""
+_MAP_TRIALS = 400
+_FINE = 121
+"""Points along each side for the edge of what is allowed."""
+
+
+def plot_optimum(data: tuple[Optimum, DesignSpace, Surrogate]) -> Figure:
+    """The hand before and after, the scores along the way, and for two parameters the path."""
+    found, space, surrogate = data
+    pair = len(space.free) == 2
+    figure = Figure(figsize=(14.5 if pair else 10, 4.4), layout="constrained")
+    axes = figure.subplots(1, 3 if pair else 2, width_ratios=[1, 1.25, 1.25][: 3 if pair else 2])
+    draw_hands(axes[0], found, space, surrogate)
+    draw_history(axes[1], found, surrogate)
+    if pair:
+        draw_map(axes[2], found, space, surrogate)
+    return figure
+
+
+def plot_inspection(found: Inspection) -> Figure:
+    """The hand in each direction that can be run, with the box of starts and the object in it."""
+    views = {d: view for d, view in found.views.items() if view.gap is not None}
+    figure = Figure(figsize=(5.0 * max(len(views), 1), 4.6), layout="constrained")
+    axes = figure.subplots(1, max(len(views), 1), squeeze=False)[0]
+    study = found.study
+    for axis, direction in zip(axes, views or ["does"], strict=True):
+        hand = study.hand if direction == "does" else study.hand.with_fingertips_mirrored()
+        axis.plot(*points_of(hand).T, color="black", lw=2, solid_joinstyle="round")
+        with jax.enable_x64(True):
+            goal = jax.device_get(hand.goal())
+        axis.plot([goal.a.x, goal.b.x], [goal.a.y, goal.b.y], color=COLOURS[2], ls="--", lw=1.5)
+        axis.set_aspect("equal")
+        axis.margins(0.08)
+        axis.set(xlabel="x [model length]", ylabel="y [model length]")
+        view = found.views[direction]
+        if view.starts is None:
+            axis.set_title(f"{NAMES[direction]}: cannot be run")
+            continue
+        for (x0, y0), (x1, y1) in view.starts:
+            axis.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fc="0.9", ec="0.6", zorder=0))
+        (x0, y0), _ = view.starts[0]
+        draw_object(axis, *placed_outline(study.body, np.array([x0, y0])))
+        axis.set_title(f"{NAMES[direction]}: gap {view.gap:.4g}, object {found.width:.4g}")
+    return figure
+
+
+def draw_hands(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogate) -> None:
+    """The limbs before (grey) and after, with the object at a start, to scale."""
+    start = "moved start" if found.moved else "start"
+    for hand, score, colour, name in (
+        (found.start_hand, found.start_score, "0.6", start),
+        (space.hand(found.best), found.best_score, COLOURS[0], "best"),
+    ):
+        axis.plot(
+            *points_of(hand).T,
+            color=colour,
+            lw=2.2,
+            solid_capstyle="round",
+            solid_joinstyle="round",
+            label=f"{name}: {score.value:,.4g}",
+        )
+    scenario = surrogate.task.scenarios(space.hand(found.best))[0]
+    centre, body = jax.device_get(scenario.corner_start()), scenario.body
+    draw_object(axis, *placed_outline(body, np.array([centre.x, centre.y], float)))
+    axis.set_aspect("equal")
+    axis.margins(0.08)
+    axis.set(xlabel="x [model length]", ylabel="y [model length]", title="hand")
+    axis.legend(loc="center", fontsize=9, frameon=False)
+
+
+def draw_history(axis: Axes, found: Optimum, surrogate: Surrogate) -> None:
+    """Scores that the search saw with 95 % bands, exact checkpoints, and the final comparison."""
+    last = 1
+    for n, steps in enumerate(found.progress.history):
+        colour = COLOURS[0] if len(found.progress.history) == 1 else f"C{n % 10}"
+        k = np.arange(len(steps))
+        logs = np.array([step.value for step in steps])
+        errors = _Z95 * np.array([step.value_se for step in steps])
+        label = "seen by the search, fresh trials each" if n == 0 else None
+        axis.plot(k, np.exp(logs), "-", color=colour, lw=1.2, label=label)
+        axis.fill_between(k, np.exp(logs - errors), np.exp(logs + errors), color=colour, alpha=0.15)
+        checks = [(i, s.exact, s.exact_se) for i, s in enumerate(steps) if s.exact is not None]
+        if checks:
+            i, value, se = np.array(checks, float).T
+            axis.errorbar(
+                i,
+                value,
+                _Z95 * se,
+                fmt="o",
+                color=colour,
+                capsize=3,
+                label="exact checkpoints" if n == 0 else None,
+            )
+        last = max(last, len(steps))
+    for x, score, name in ((0, found.start_score, "start"), (last, found.best_score, "best")):
+        band = [[score.value - score.low], [score.high - score.value]]
+        axis.errorbar(
+            x,
+            score.value,
+            band,
+            fmt="s",
+            color=COLOURS[1],
+            capsize=4,
+            label="exact, unseen trials" if name == "start" else None,
+        )
+    gain = found.improvement
+    axis.set(
+        xlabel="iteration",
+        ylabel=score_name(surrogate),
+        title=f"improvement {gain.value:.3g} [{gain.low:.3g}, {gain.high:.3g}]",
+    )
+    axis.grid(alpha=0.3)
+    axis.legend(fontsize=8)
+
+
+def draw_map(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogate) -> None:
+    """The exact score over two parameters, and the way of each start."""
+    xs, ys = (np.linspace(p.low, p.high, _MAP) for p in space.free)
+    grid = [space.nearest_allowed(np.array([x, y]), found.best) for y in ys for x in xs]
+    rough = replace(surrogate, contact_layer=0.0)
+    logs = compare(rough, space, grid, trials=_MAP_TRIALS, seed=0).logs
+    score = np.exp(logs).reshape(_MAP, _MAP)
+    _draw_score(axis, xs, ys, score, "exact score")
+    _draw_regions(axis, space, surrogate, space.least_gap(1.0), hatched=False)
+    for n, steps in enumerate(found.progress.history):
+        way = np.array([step.design for step in steps] + [found.candidates[n][0]])
+        axis.plot(*way.T, ".-", color="white", lw=1, ms=5, mec="black", mew=0.4, zorder=3)
+    axis.plot(*found.best, "*", color=COLOURS[1], ms=14, mec="white", zorder=4)
+    axis.set(title="path; grey: not allowed")
+
+
+def plot_map(data: tuple[xr.Dataset, DesignSpace, Surrogate]) -> Figure:
+    """A map from `pcjax.score_map` with the current hand; hatched: hands without a score."""
+    dataset, space, surrogate = data
+    figure = Figure(figsize=(7.4, 5.6), layout="constrained")
+    axis = figure.subplots()
+    score = dataset.score.values
+    xs, ys = (dataset[p.label].values for p in space.free)
+    _draw_score(axis, xs, ys, score, score_name(surrogate))
+    handles = _draw_regions(axis, space, surrogate, space.width, hatched=True)
+    row, column = np.unravel_index(np.nanargmax(score), score.shape)
+    marks: list[tuple[Any, ...]] = [
+        ("best", xs[column], ys[row], "o", score[row, column], float(dataset.se[row, column]))
+    ]
+    attrs = dataset.attrs
+    if "current_score" in attrs:
+        at = (attrs[f"current_{p.label}"] for p in space.free)
+        marks.append(("current", *at, "*", attrs["current_score"], attrs["current_se"]))
+    for name, x, y, marker, value, se in marks:
+        label = f"{name} hand: {value:,.4g} ± {se:.2g}" if np.isfinite(value) else f"{name} hand"
+        style = {"mfc": COLOURS[1], "mec": "white", "ms": 15 if marker == "*" else 8, "zorder": 4}
+        handles += axis.plot(x, y, marker, ls="none", label=label, clip_on=False, **style)
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=9, frameon=False)
+    axis.set_title(
+        f"{attrs['hands']:,} hands, {attrs['trials']:,} trials a direction, limit "
+        f"{attrs['max_steps']:,} steps",
+        fontsize=10,
+    )
+    return figure
+
+
+def _draw_score(axis: Axes, xs: np.ndarray, ys: np.ndarray, score: np.ndarray, name: str) -> None:
+    filled = axis.contourf(xs, ys, _without_holes(score), 12, cmap="viridis")
+    axis.figure.colorbar(filled, ax=axis, label=name)
+    levels = list(filled.levels)[1:-1:2]
+    lines = axis.contour(xs, ys, score, levels, colors="white", linewidths=0.7)
+    axis.clabel(lines, fontsize=8, zorder=2)
+
+
+def _without_holes(values: np.ndarray) -> np.ndarray:
+    """Every NaN replaced by the nearest value, so that colours reach the edge of a region."""
+    there = np.isfinite(values)
+    nearest = NearestNDInterpolator(np.argwhere(there), values[there])
+    return nearest(*np.indices(values.shape))
+
+
+def _draw_regions(
+    axis: Axes, space: DesignSpace, surrogate: Surrogate, least: float, *, hatched: bool
+) -> list[Patch]:
+    """Covers the hands whose gap is below `least` and those that cannot be; names the axes."""
+    fine = [np.linspace(p.low, p.high, _FINE) for p in space.free]
+    gaps, possible = shapes(surrogate, space, np.stack(np.meshgrid(*fine), axis=-1))
+    handles = []
+    for values, edge, colour, hatch, label in (
+        (gaps, least, "0.9", "//", f"full cage: gap below {least:.4g}"),
+        (np.where(possible, 1.0, 0.0), 0.5, "0.75", "xx", "limbs cross, or no room for the object"),
+    ):
+        if not np.any(values < edge):
+            continue
+        hatches = [hatch if hatched else None]
+        # Above the score's lines and their labels, below the paths.
+        axis.contourf(*fine, values, [-1.0, edge], colors=colour, hatches=hatches, zorder=2.2)
+        axis.contour(*fine, values, [edge], colors="0.3", linewidths=1, zorder=2.3)
+        handles.append(Patch(fc=colour, ec="0.3", hatch=hatch, label=label))
+    names = [p.name.replace("_", " ") + (f" [{p.unit}]" if p.unit else "") for p in space.free]
+    axis.set(xlabel=names[0], ylabel=names[1])
+    return handles

@@ -1,0 +1,218 @@
+"""A hand as a drawing for CAD or a cutter: SVG and DXF, one model unit a millimetre."""
+
+from __future__ import annotations
+
+import io
+import os
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from pcjax.checks import check_positive
+from pcjax.model.bodies.base import Body, placed_outline
+from pcjax.model.hand import HandDesign, points_of
+from pcjax.model.scenario import does
+from pcjax.results.saving import save_text
+
+DRAWINGS = (".svg", ".dxf")
+"""Kinds of drawings, by the file's ending."""
+
+_SVG = "http://www.w3.org/2000/svg"
+
+_COLOURS = {"LIMBS": 7, "OUTLINES": 8, "JOINTS": 1, "GOAL": 3, "OBJECT": 5}
+"""Layers of a DXF file, and their colours by AutoCAD's numbers."""
+
+_STROKES = {
+    "LIMBS": "black",
+    "OUTLINES": "gray",
+    "JOINTS": "red",
+    "GOAL": "green",
+    "OBJECT": "blue",
+}
+
+Points = Float[np.ndarray, "points 2"]
+
+
+def check_drawing(path: str | os.PathLike[str]) -> None:
+    """Fails before the work when a drawing of this name cannot be made.
+
+    Raises:
+        ValueError: an unknown ending, or no ezdxf for DXF.
+    """
+    ending = Path(path).suffix.lower()
+    if ending not in DRAWINGS:
+        raise ValueError(f"cannot draw {path}: its ending has to be one of {', '.join(DRAWINGS)}")
+    if ending == ".dxf":
+        try:
+            import ezdxf  # noqa: F401
+        except ImportError:
+            raise ValueError("DXF needs the package ezdxf: pip install 'pcjax[cad]'") from None
+
+
+def export_hand(
+    hand: HandDesign,
+    path: str | os.PathLike[str],
+    *,
+    thickness: float | None = None,
+    body: Body | None = None,
+) -> Path:
+    """Draws a hand to scale, one model unit a millimetre, y up.
+
+    Layers (groups of an SVG file): LIMBS, one line from fingertip to fingertip; JOINTS, circles
+    where limbs meet; GOAL, the goal line; and if asked for OUTLINES, each limb and the palm as a
+    slot with round ends about its joints, and OBJECT, the object at a start.
+
+    Arguments:
+        hand: with plain numbers.
+        path: the file, .svg or .dxf (needs ezdxf).
+        thickness: of the limbs' outlines, a length; unless given, there are none.
+        body: the object; unless given, there is none.
+
+    In the model limbs have no thickness: what the object meets is the line in the outlines' middle.
+
+    Raises:
+        ValueError: an ending that is neither, no ezdxf, or a thickness that is not above 0.
+
+    Example:
+        >>> import pcjax
+        >>> pcjax.export_hand(pcjax.box_hand(), "hand.svg", thickness=12).name
+        'hand.svg'
+    """
+    check_drawing(path)
+    if thickness is not None:
+        check_positive("thickness", thickness)
+    path = Path(path)
+    drawing = _Svg() if path.suffix.lower() == ".svg" else _Dxf()
+    line = points_of(hand)
+    drawing.line("LIMBS", line)
+    size = 0.01 * float(hand.palm_length)
+    if thickness is not None:
+        size = 0.2 * thickness
+        for a, b in pairwise(line):
+            drawing.slot("OUTLINES", a, b, thickness / 2)
+    for joint in line[1:-1]:
+        drawing.circle("JOINTS", joint, size)
+    with jax.enable_x64(True):
+        goal = jax.device_get(hand.goal())
+        drawing.line("GOAL", np.array([[end.x, end.y] for end in (goal.a, goal.b)], float))
+        if body is not None:
+            start = jax.device_get(does(hand, body).corner_start())
+            centre = np.array([start.x, start.y], float)
+            corners, radius = placed_outline(body, centre)
+            if len(corners) > 1:
+                drawing.line("OBJECT", corners)
+            else:
+                drawing.circle("OBJECT", centre, radius)
+    save_text(drawing.text(), path)
+    return path
+
+
+class _Svg:
+    """An SVG file in the making; its groups are in the hand's axes, y up."""
+
+    def __init__(self) -> None:
+        self._groups: dict[str, list[tuple[str, dict[str, str]]]] = {}
+        self._reach: list[np.ndarray] = []
+
+    def _add(self, layer: str, tag: str, around: Points, **attributes: str) -> None:
+        self._groups.setdefault(layer, []).append((tag, attributes))
+        self._reach += [around.min(axis=0), around.max(axis=0)]
+
+    def line(self, layer: str, points: Points) -> None:
+        text = " ".join(f"{_text(x)},{_text(y)}" for x, y in points)
+        self._add(layer, "polyline", points, points=text)
+
+    def circle(self, layer: str, centre: np.ndarray, radius: float) -> None:
+        around = np.array([centre - radius, centre + radius])
+        where = {"cx": _text(centre[0]), "cy": _text(centre[1]), "r": _text(radius)}
+        self._add(layer, "circle", around, **where)
+
+    def slot(self, layer: str, a: np.ndarray, b: np.ndarray, radius: float) -> None:
+        corners = _slot_corners(a, b, radius)
+        p, q, r, s = (f"{_text(x)},{_text(y)}" for x, y in corners)
+        arc = f"A{_text(radius)},{_text(radius)} 0 0 1"
+        around = np.array([np.minimum(a, b) - radius, np.maximum(a, b) + radius])
+        self._add(layer, "path", around, d=f"M{p} L{q} {arc} {r} L{s} {arc} {p} Z")
+
+    def text(self) -> str:
+        low, high = np.min(self._reach, axis=0), np.max(self._reach, axis=0)
+        margin = 0.02 * float(np.max(high - low))
+        width, height = high - low + 2 * margin
+        ElementTree.register_namespace("", _SVG)
+        root = ElementTree.Element(
+            f"{{{_SVG}}}svg",
+            width=f"{_text(width)}mm",
+            height=f"{_text(height)}mm",
+            viewBox=" ".join(map(_text, (low[0] - margin, -high[1] - margin, width, height))),
+        )
+        up = ElementTree.SubElement(
+            root,
+            f"{{{_SVG}}}g",
+            {
+                "transform": "scale(1,-1)",
+                "fill": "none",
+                "stroke-width": _text(0.1 * margin),
+                "stroke-linejoin": "round",
+            },
+        )
+        for layer, parts in self._groups.items():
+            group = ElementTree.SubElement(up, f"{{{_SVG}}}g", id=layer, stroke=_STROKES[layer])
+            for tag, attributes in parts:
+                ElementTree.SubElement(group, f"{{{_SVG}}}{tag}", attributes)
+        ElementTree.indent(root)
+        return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+class _Dxf:
+    """A DXF file in the making."""
+
+    def __init__(self) -> None:
+        import ezdxf
+        from ezdxf import units
+
+        self._file: Any = ezdxf.new("R2010", setup=["linetypes"], units=units.MM)  # pyright: ignore
+        for layer, colour in _COLOURS.items():
+            self._file.layers.add(layer, color=colour)
+        self._file.layers.get("GOAL").dxf.linetype = "DASHED"
+        self._space = self._file.modelspace()
+
+    def line(self, layer: str, points: Points) -> None:
+        if len(points) == 2:
+            self._space.add_line(*points.tolist(), dxfattribs={"layer": layer})
+        else:
+            self._space.add_lwpolyline(points.tolist(), dxfattribs={"layer": layer})
+
+    def circle(self, layer: str, centre: np.ndarray, radius: float) -> None:
+        self._space.add_circle(centre.tolist(), radius, dxfattribs={"layer": layer})
+
+    def slot(self, layer: str, a: np.ndarray, b: np.ndarray, radius: float) -> None:
+        # A bulge of 1 makes the side from its vertex to the next a half circle.
+        corners = [
+            (*corner, bulge)
+            for corner, bulge in zip(
+                _slot_corners(a, b, radius).tolist(), (0, 1, 0, 1), strict=True
+            )
+        ]
+        self._space.add_lwpolyline(corners, format="xyb", close=True, dxfattribs={"layer": layer})
+
+    def text(self) -> str:
+        stream = io.StringIO()
+        self._file.write(stream)
+        return stream.getvalue()
+
+
+def _slot_corners(a: np.ndarray, b: np.ndarray, radius: float) -> Float[np.ndarray, "4 2"]:
+    """Where a slot about the line from a to b changes from straight to round, anticlockwise."""
+    along = (b - a) / np.hypot(*(b - a))
+    right = radius * np.array([along[1], -along[0]])
+    return np.array([a + right, b + right, b - right, a - right])
+
+
+def _text(value: float) -> str:
+    """A number with all its digits."""
+    return repr(float(value))

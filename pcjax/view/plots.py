@@ -1,0 +1,116 @@
+"""Pictures: a hand with its survival curves, and the paper's figures with error bands."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pcjax.physics.state import PAPER_DT
+from pcjax.results.evaluation import Evaluation
+from pcjax.results.schema import NAMES
+from pcjax.study.compare import Ranking
+from pcjax.view.shapes import COLOURS, draw_object
+
+_Z95 = 1.96
+_DIRECTION_COLOUR = {"does": COLOURS[0], "eoen": COLOURS[1]}
+
+
+def plot_evaluation(evaluation: Evaluation) -> Figure:
+    """The hand in each direction evaluated, drawn to scale, beside the survival curves."""
+    directions = evaluation.directions
+    figure = Figure(figsize=(4.2 * len(directions) + 5.2, 4.4), layout="constrained")
+    axes = figure.subplots(
+        1, len(directions) + 1, width_ratios=[1.0] * len(directions) + [1.25], squeeze=False
+    )[0]
+    for axis, direction in zip(axes, directions, strict=False):
+        draw_hand(axis, evaluation, direction)
+    draw_survival(axes[-1], evaluation)
+    return figure
+
+
+def plot_ranking(ranking: Ranking) -> Figure:
+    """The hands side by side, the best first, each with what it is ranked by."""
+    names = ranking.names
+    columns = min(len(names), 4)
+    rows = -(-len(names) // columns)
+    figure = Figure(figsize=(4.0 * columns, 4.4 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    form = ".4g" if ranking.by == "score" else ",.0f"
+    for axis in axes[len(names) :]:
+        axis.set_axis_off()
+    for place, (axis, name) in enumerate(zip(axes, names, strict=False), start=1):
+        draw_hand(axis, ranking.evaluations[name], ranking.evaluations[name].directions[0])
+        value = ranking.value(name)
+        what = "score" if ranking.by == "score" else "DoEs"
+        told = f"{what} {value.value:{form}} [{value.low:{form}}, {value.high:{form}}]"
+        axis.set_title(f"{place}. {name}\n{told}", fontsize=10)
+    return figure
+
+
+def draw_hand(axis: Axes, evaluation: Evaluation, direction: str) -> None:
+    """The limbs, the gap, the goal line and the object at a start, to scale."""
+    data = evaluation.dataset.sel(direction=direction)
+    for x0, y0, x1, y1 in data.limbs.values:
+        axis.plot([x0, x1], [y0, y1], color="black", lw=2, solid_capstyle="round")
+    ax, ay, bx, by = data.goal.values
+    axis.plot([ax, bx], [ay, by], color=COLOURS[2], ls="--", lw=1.5, label="goal line")
+    draw_object(
+        axis,
+        data.outline.values,
+        float(data.outline.attrs["rounding"]),
+        colour=_DIRECTION_COLOUR[direction],
+        label="object",
+    )
+    x0, y0, x1, y1 = data.passage.values
+    axis.annotate("", (x0, y0), (x1, y1), arrowprops={"arrowstyle": "<->", "color": "0.4"})
+    axis.annotate(
+        f"gap {float(data.gap):.4g}",
+        ((x0 + x1) / 2, (y0 + y1) / 2),
+        (0, -4),
+        textcoords="offset points",
+        ha="center",
+        va="top",
+        color="0.3",
+        fontsize=9,
+    )
+    axis.set_aspect("equal")
+    axis.margins(0.08)
+    axis.set_title(
+        f"{NAMES[direction]}: " + ("escape from inside" if direction == "does" else "enter")
+    )
+    axis.set_xlabel("x [model length]")
+    axis.set_ylabel("y [model length]")
+    axis.legend(loc="center", fontsize=9, frameon=False)
+
+
+def draw_survival(axis: Axes, evaluation: Evaluation) -> None:
+    """Share of trials still held against time, with 95 % bands."""
+    limit, n = evaluation.max_steps, evaluation.trials
+    for direction in evaluation.directions:
+        steps, left = evaluation.survival(direction)
+        steps, left = np.append(steps, limit), np.append(left, left[-1])
+        band = _Z95 * np.sqrt(left * (1 - left) / n)
+        colour = _DIRECTION_COLOUR[direction]
+        indices = evaluation.indices(direction)
+        axis.step(
+            steps * PAPER_DT,
+            left,
+            where="post",
+            color=colour,
+            label=f"{NAMES[direction]}: index 1 = {indices['index1'].value:,.0f}, "
+            f"index 2 = {indices['index2'].value:.3f}",
+        )
+        axis.fill_between(
+            steps * PAPER_DT, left - band, left + band, step="post", color=colour, alpha=0.2, lw=0
+        )
+    axis.set(
+        xlabel="time [s]", ylabel="share still held", ylim=(0, 1.02), xlim=(0, limit * PAPER_DT)
+    )
+    title = f"{n:,} trials a direction, 95 % bands"
+    if len(evaluation.directions) == 2:
+        score = evaluation.score()["index1"]
+        title = f"score {score.value:.3f} [{score.low:.3f}, {score.high:.3f}], " + title
+    axis.set_title(title, fontsize=10)
+    axis.legend(loc="lower left", fontsize=9)
+    axis.grid(alpha=0.3)
