@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,10 +17,16 @@ from pcjax.checks import check_count
 from pcjax.design.compare import score_all
 from pcjax.design.search import grid_lines
 from pcjax.design.space import DesignSpace
-from pcjax.model.hand import full_cage
-from pcjax.model.scenario import fits, is_hand
+from pcjax.model.bodies.base import Body
+from pcjax.model.contact import ContactLaw
+from pcjax.model.drives.base import Drive
+from pcjax.model.hand import HandDesign, full_cage
+from pcjax.model.scenario import DIRECTIONS, fits, is_hand
 from pcjax.quality.surrogate import Surrogate
 from pcjax.results.schema import provenance
+
+_TOGETHER = 512
+"""Hands that are looked at in one call: one compiled program for maps of any size."""
 
 
 def shapes(
@@ -28,18 +35,32 @@ def shapes(
     """The gaps of many hands, and which of them can be: lengths above 0, hands in all of the
     task's directions, and room for the object at its starts."""
 
-    def one(design: Array) -> tuple[Array, Array]:
-        hand = space.hand(design)
+    task, flat = surrogate.task, designs.reshape(-1, len(space.free))
+    padded = np.concatenate([flat, np.repeat(flat[:1], -len(flat) % _TOGETHER, axis=0)])
+    found = []
+    with jax.enable_x64(True):
+        for start in range(0, len(padded), _TOGETHER):
+            block = jnp.asarray(padded[start : start + _TOGETHER], float)
+            hands = jax.tree.map(np.asarray, jax.vmap(space.hand)(block))
+            found.append(
+                _shapes(task.body, task.drive, task.law, task.start_spread, hands, task.directions)
+            )
+    gaps, there = (np.concatenate(part)[: len(flat)] for part in zip(*found, strict=True))
+    return gaps.reshape(designs.shape[:-1]), there.reshape(designs.shape[:-1])
+
+
+@functools.partial(jax.jit, static_argnames="directions")
+def _shapes(
+    body: Body, drive: Drive, law: ContactLaw, spread: Array, hands: HandDesign, directions: tuple
+) -> tuple[Array, Array]:
+    def one(hand: HandDesign) -> tuple[Array, Array]:
         there = jnp.all(jnp.array([length > 0 for row in hand.lengths for length in row]))
-        there = there & is_hand(hand, surrogate.task.directions)
-        for scenario in surrogate.task.scenarios(hand):
-            there = there & fits(scenario)
+        there = there & is_hand(hand, directions)
+        for direction in directions:
+            there = there & fits(DIRECTIONS[direction](hand, body, drive, law, spread))
         return jnp.asarray(hand.gap()), there
 
-    flat = designs.reshape(-1, len(space.free))
-    with jax.enable_x64(True):
-        gaps, there = jax.device_get(jax.jit(jax.vmap(one))(jnp.asarray(flat, float)))
-    return gaps.reshape(designs.shape[:-1]), there.reshape(designs.shape[:-1])
+    return jax.vmap(one)(hands)
 
 
 def score_map(

@@ -121,7 +121,7 @@ def run(
         largest = _BLOCK.get(platform, _BLOCK_ON_ACCELERATOR)
         block = min(largest, max(_SMALLEST_BLOCK, 1 << (fair - 1).bit_length()))
     check_count("block", block, 1, 2**24)
-    ledger = Ledger(scenarios, engine, outcomes, first)
+    ledger = Ledger(filled, engine, outcomes, first)
     advance = functools.partial(
         advance_for(platform),
         engine=engine,
