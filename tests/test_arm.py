@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 
 import equinox as eqx
@@ -18,13 +17,13 @@ from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.arm import Gesture, PlanarArm
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand, two_joint_hand
-from pcjax.model.scenario import Scenario, check_geometry, does, eoen
+from pcjax.model.scenario import check_geometry, does, eoen
 from pcjax.physics.state import INVALID, State, at_rest
-from pcjax.physics.step import step
 from pcjax.simulate.batch import run
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
 from pcjax.simulate.outcomes import LIMIT
 from pcjax.simulate.stepping import Stepping, trajectory
+from tests.helpers import roll
 from tests.reference import world
 
 pytestmark = pytest.mark.usefixtures("x64")
@@ -50,15 +49,6 @@ def to_world(arm: PlanarArm, swing: Gesture, time: float, x: float, y: float) ->
     origin, a = at(arm, swing, time)
     turn = np.array([[math.cos(a), -math.sin(a)], [math.sin(a), math.cos(a)]])
     return np.array([float(origin.x), float(origin.y)]) + turn @ np.array([x, y])
-
-
-@functools.partial(jax.jit, static_argnames="steps")
-def roll(scenario: Scenario, swing: Gesture, begin: State, steps: int, dt: float) -> State:
-    def one(state: State, _: None) -> tuple[State, State]:
-        state = step(scenario, swing, state, dt)
-        return state, state
-
-    return jax.lax.scan(one, begin, length=steps)[1]
 
 
 def state(x: float, y: float, vx: float = 0.0, vy: float = 0.0) -> State:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
 
@@ -24,6 +23,7 @@ from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.state import INVALID, PASSED, RUNNING, State, at_rest
 from pcjax.physics.step import step
+from tests.helpers import roll
 
 pytestmark = pytest.mark.usefixtures("x64")
 
@@ -43,17 +43,6 @@ def state(x: float, y: float, vx: float = 0.0, vy: float = 0.0, clock: int = 10_
     return eqx.tree_at(
         lambda s: (s.velocity, s.clock), begin, (velocity, jnp.asarray(clock, jnp.int32))
     )
-
-
-@functools.partial(jax.jit, static_argnames="steps")
-def roll(scenario: Scenario, swing: Swing, begin: State, steps: int, dt: float) -> State:
-    """All the states after each of `steps` steps."""
-
-    def one(state: State, _: None) -> tuple[State, State]:
-        state = step(scenario, swing, state, dt)
-        return state, state
-
-    return jax.lax.scan(one, begin, length=steps)[1]
 
 
 def wrist(radius: float = 25.0, angle: float = 10.0, **law: float) -> Scenario:
@@ -310,18 +299,22 @@ def final(scenario: Scenario, swing: Swing, begin: State, steps: int, dt: float)
 )
 @pytest.mark.parametrize("smoothing", [0.0, 2.0])
 def test_gradients_are_finite(begin: tuple[float, ...], smoothing: float) -> None:
-    scenario = wrist(smoothing=smoothing)
-
-    def outcome(scenario: Scenario) -> jax.Array:
-        return final(scenario, held(0.5, -2.0), state(*begin), 60, 1e-2)
-
-    forward = jax.jacfwd(outcome)(scenario)
-    reverse = jax.jacrev(outcome)(scenario)
+    forward, reverse = both_modes(wrist(smoothing=smoothing), held(0.5, -2.0), state(*begin))
     for leaf in jax.tree.leaves((forward, reverse)):
         assert np.all(np.isfinite(leaf))
     np.testing.assert_allclose(
         np.array(jax.tree.leaves(forward)), np.array(jax.tree.leaves(reverse)), atol=1e-6
     )
+
+
+@jax.jit
+def both_modes(scenario: Scenario, swing: Swing, begin: State) -> tuple[Scenario, Scenario]:
+    """Derivatives of the end by all numbers of the scenario, in forward and reverse mode."""
+
+    def outcome(scenario: Scenario) -> jax.Array:
+        return final(scenario, swing, begin, 60, 1e-2)
+
+    return jax.jacfwd(outcome)(scenario), jax.jacrev(outcome)(scenario)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 
 import equinox as eqx
@@ -24,11 +23,12 @@ from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does
 from pcjax.physics.contact.rod import Pose, depths
 from pcjax.physics.state import INVALID, PASSED, RUNNING, State, at_rest
-from pcjax.physics.step import begin, step
+from pcjax.physics.step import begin
 from pcjax.simulate.batch import run
 from pcjax.simulate.draws import start_draws, trial_key
 from pcjax.simulate.stepping import Stepping, trajectory
 from pcjax.words import InputWarning
+from tests.helpers import roll
 
 pytestmark = pytest.mark.usefixtures("x64")
 
@@ -49,15 +49,6 @@ def state(
     start = at_rest(Vec(jnp.asarray(x), jnp.asarray(y)), jnp.asarray(angle))
     values = (Vec(jnp.asarray(vx), jnp.asarray(vy)), jnp.asarray(spin), jnp.asarray(10**7))
     return eqx.tree_at(lambda s: (s.velocity, s.spin, s.clock), start, values)
-
-
-@functools.partial(jax.jit, static_argnames="steps")
-def roll(scenario: Scenario, swing: Swing, first: State, steps: int, dt: float) -> State:
-    def one(now: State, _: None) -> tuple[State, State]:
-        now = step(scenario, swing, now, dt)
-        return now, now
-
-    return jax.lax.scan(one, first, length=steps)[1]
 
 
 def box(restitution: float = 0.1, smoothing: float | None = None) -> Scenario:
