@@ -7,7 +7,7 @@ import os
 import sys
 from pathlib import Path
 
-from tqdm.auto import tqdm
+from tqdm.std import tqdm
 
 from pcjax.cli.parser import Terminated
 from pcjax.cli.parts import add_run, as_flags_say, check_data, number

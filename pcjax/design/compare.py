@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
-from tqdm.auto import tqdm
 
 from pcjax.design.space import DesignSpace
 from pcjax.model.hand import HandDesign
 from pcjax.physics.state import PAPER_DT
+from pcjax.progress import progress_bar
 from pcjax.quality.indices import Estimate, extremes
 from pcjax.quality.surrogate import Sample, Surrogate
 
@@ -148,12 +148,11 @@ def score_all(
     """
     scores: list[Estimate] = []
     invalid = 0
-    with tqdm(
+    with progress_bar(
         total=len(designs),
         desc="designs",
         unit="design",
-        disable=None if progress else True,
-        leave=False,
+        shown=progress,
     ) as bar:
         for first in range(0, len(designs), _BATCH):
             some = designs[first : first + _BATCH]

@@ -23,7 +23,6 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 from jaxtyping import Float
-from tqdm.auto import tqdm
 
 from pcjax.checks import check_between, check_count
 from pcjax.design.compare import compare, compare_hands
@@ -31,6 +30,7 @@ from pcjax.design.gradients import Differences, Estimator, Gradient
 from pcjax.design.space import DesignSpace
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import check_geometry
+from pcjax.progress import progress_bar
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate
 from pcjax.results.files import digest, locked, read_plain
@@ -249,13 +249,12 @@ def optimize(
     with nullcontext() if path is None else locked(path):
         if path is not None and os.path.lexists(path):
             state = _load(path, told, state)
-        bar = tqdm(
+        bar = progress_bar(
             total=settings.iterations,
             initial=state.iteration,
             desc="optimise",
             unit="iteration",
-            disable=None if progress else True,
-            leave=False,
+            shown=progress,
         )
         with bar:
             try:

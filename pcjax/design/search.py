@@ -13,7 +13,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
-from tqdm.auto import tqdm
 
 from pcjax.checks import check_between, check_count
 from pcjax.design.compare import compare, score_all
@@ -28,6 +27,7 @@ from pcjax.design.optimize import (
     starting_designs,
 )
 from pcjax.design.space import DesignSpace
+from pcjax.progress import progress_bar
 from pcjax.quality.surrogate import Surrogate
 
 _MOST_DESIGNS = 100_000
@@ -135,12 +135,11 @@ def search_cma(
     )
     began, trials, invalid = time.perf_counter(), 0, 0
     history: list[Step] = []
-    bar = tqdm(
+    bar = progress_bar(
         total=settings.iterations,
         desc="CMA-ES",
         unit="generation",
-        disable=None if progress else True,
-        leave=False,
+        shown=progress,
     )
     interrupted = False
     with bar:

@@ -17,10 +17,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from tqdm.auto import tqdm
 
 from pcjax.checks import check_count
 from pcjax.model.scenario import Scenario
+from pcjax.progress import progress_bar
 from pcjax.simulate.cloud import Cloud
 from pcjax.simulate.lanes import Engine
 from pcjax.simulate.outcomes import Outcomes
@@ -131,12 +131,11 @@ def run(
         cloud=None if cloud is None else jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype), cloud),
     )
     with (
-        tqdm(
+        progress_bar(
             total=total,
             desc="trials",
             unit="trial",
-            disable=None if progress else True,
-            leave=False,
+            shown=progress,
         ) as bar,
         ThreadPoolExecutor(len(crew)) as pool,
     ):

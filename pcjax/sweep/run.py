@@ -16,8 +16,8 @@ from pathlib import Path
 
 import jax
 import xarray as xr
-from tqdm.auto import tqdm
 
+from pcjax.progress import progress_bar
 from pcjax.results.files import locked
 from pcjax.results.reading import load_dataset
 from pcjax.results.saving import save_dataset
@@ -100,13 +100,12 @@ def _run_plan(
     study, store = plan.study, Store(out, told)
     samples = {key: Samples(study.run.trials) for key in plan.cells}
     with (
-        tqdm(
+        progress_bar(
             total=plan.trials,
             desc="sweep",
             unit="trial",
             unit_scale=True,
-            disable=None if progress else True,
-            leave=False,
+            shown=progress,
         ) as bar,
         bench(scheduler) as do,
     ):

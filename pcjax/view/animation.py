@@ -26,11 +26,11 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle as Disc
-from tqdm.auto import tqdm
 
 from pcjax.checks import check_between
 from pcjax.model.scenario import Scenario, check_geometry, usual_max_steps
 from pcjax.physics.state import INVALID, PASSED
+from pcjax.progress import progress_bar
 from pcjax.simulate.choose import safe_step
 from pcjax.simulate.replay import Frames, Recording, pick_trial, record
 from pcjax.view.scene import draw_scene
@@ -153,12 +153,11 @@ def _save(
     animation = FuncAnimation(
         film.figure, film.draw, frames=shown, init_func=lambda: (), cache_frame_data=False
     )
-    with tqdm(
+    with progress_bar(
         total=len(shown),
         desc="frames",
         unit="frame",
-        disable=None if progress else True,
-        leave=False,
+        shown=progress,
     ) as bar:
         animation.save(
             path,
