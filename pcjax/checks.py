@@ -35,6 +35,17 @@ def check_finite(name: str, value: Any) -> None:
         raise ValueError(f"{name} is {number:g}: it has to be at most {_LARGEST:g} in size")
 
 
+def check_kind(name: str, value: Any, kind: type) -> None:
+    """Raises TypeError unless `value` is a `kind`, such as for a number or the class itself."""
+    if not isinstance(value, kind):
+        what = f"a {type(value).__name__}"
+        if isinstance(value, type):
+            what = f"the class {value.__name__}"
+        elif value is None or isinstance(value, str | int | float):
+            what = repr(value)
+        raise TypeError(f"{name} is {what}: it has to be a {kind.__name__}")
+
+
 def check_positive(name: str, value: Any) -> None:
     """Raises ValueError unless `value` is finite and above 0."""
     check_finite(name, value)

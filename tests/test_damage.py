@@ -255,7 +255,7 @@ def test_a_declared_size_is_not_allocated(kept: Path, tmp_path: Path) -> None:
 
 
 def test_a_map_is_not_shown(kept: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "'pcjax map' draws maps" in refused(["show", str(kept / "map.nc")], capsys)
+    assert "no evaluation, sweep, map" in refused(["show", str(kept / "map.nc")], capsys)
 
 
 # --------------------------------------------------------------------------------------- parts

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
+from pathlib import Path
 
+import matplotlib.image
 import numpy as np
 import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.contour import QuadContourSet
 
 import pcjax
+from pcjax.cli import main
 from pcjax.design.compare import compare
 from pcjax.design.map import shapes
 from pcjax.model.scenario import check_geometry
+from pcjax.results.saving import save_dataset
 
 CIRCLE = pcjax.Circle(25.0)
 HAND = pcjax.box_hand()
@@ -73,7 +78,7 @@ def test_hands_without_a_score_are_those_that_are_closed_or_cannot_be() -> None:
 
 def test_the_hatched_region_ends_where_the_gap_is_the_objects_width() -> None:
     where, exact = space(), surrogate()
-    figure = pcjax.plot_map((pcjax.score_map(exact, where, (4, 3)), where, exact))
+    figure = pcjax.plot_map(pcjax.score_map(exact, where, (4, 3)))
     axis = figure.axes[0]
     regions = [
         found
@@ -111,7 +116,7 @@ def test_a_current_hand_that_is_not_on_the_map_is_not_marked() -> None:
         where = space(own, 40.0, **bounds)
         data = pcjax.score_map(exact, where, (2, 2))
         assert ("current_score" in data.attrs) is marked
-        figure = pcjax.plot_map((data, where, exact))
+        figure = pcjax.plot_map(data)
         assert any(line.get_marker() == "*" for line in figure.axes[0].lines) is marked
 
 
@@ -136,3 +141,22 @@ def test_what_cannot_be_mapped_is_refused(
 ) -> None:
     with pytest.raises(ValueError, match=words):
         pcjax.score_map(surrogate(), space(**bounds), points)
+
+
+def test_a_map_is_drawn_again_from_its_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = pcjax.score_map(surrogate(), space(), (4, 3))
+    assert (data.attrs["body"], data.attrs["drive"]) == ("Circle", "WristTilt")
+    numbers = json.loads(data.attrs["parameters"])
+    assert numbers["does"]["body.radius"] == 25
+    save_dataset(data, tmp_path / "map.nc")
+    main(["plot", str(tmp_path / "map.nc"), "--plot", str(tmp_path / "map.png")])
+    pcjax.plot_map(data).savefig(tmp_path / "same.png", dpi=130)
+    drawn, same = (matplotlib.image.imread(tmp_path / name) for name in ("map.png", "same.png"))
+    np.testing.assert_array_equal(drawn, same)
+    main(["show", str(tmp_path / "map.nc")])
+    assert "best" in capsys.readouterr().out
+    # As they were before they held the finer grid.
+    earlier = data.drop_dims([str(dim) for dim in data.gap_fine.dims])
+    assert pcjax.plot_map(earlier).axes

@@ -112,10 +112,11 @@ def _run(arguments: argparse.Namespace) -> None:
     data = plan.run(progress=True)
     if arguments.out:
         if arguments.out.suffix.lower() == ".csv":
-            save_text(data.to_dataframe().to_csv(), arguments.out)
+            coarse = data[["score", "se", "gap", "full_cage", "possible"]]
+            save_text(coarse.to_dataframe().to_csv(), arguments.out)
         else:
             save_dataset(data, arguments.out)
-    save_picture("view.designs.plot_map", (data, space, surrogate), arguments.plot)
+    save_picture("view.designs.plot_map", data, arguments.plot)
     if arguments.json:
         print(json.dumps(as_json(data, space)))
     else:

@@ -66,10 +66,14 @@ def _show(arguments: argparse.Namespace) -> None:
         print(table(data, None if arguments.all else _LONGEST))
     elif "figure" in data.attrs:
         print(figure_table(_figure(data, arguments.results)))
-    elif {"score_name", "hands"} <= set(data.attrs) and {"score", "se"} <= set(data):
+    elif _is_map(data):
         print(map_text(data))
     else:
         print(_evaluation(data, arguments.results))
+
+
+def _is_map(data: xr.Dataset) -> bool:
+    return {"score_name", "hands"} <= set(data.attrs) and {"score", "se"} <= set(data)
 
 
 def _figure(data: xr.Dataset, path: Path) -> xr.Dataset:
@@ -82,7 +86,7 @@ def _figure(data: xr.Dataset, path: Path) -> xr.Dataset:
 
 def _evaluation(data: xr.Dataset, path: Path) -> Evaluation:
     if "escape_step" not in data:
-        raise ValueError(f"{path} is no evaluation, sweep or figure: 'pcjax map' draws maps")
+        raise ValueError(f"{path} is no evaluation, sweep, map or figure")
     return Evaluation(data)
 
 
@@ -105,7 +109,11 @@ def _plot(arguments: argparse.Namespace) -> None:
                 raise ValueError(
                     f"{arguments.results} is no sweep: --x, --y, --hue, --at are not for it"
                 )
-        if "figure" in data.attrs:
+        if _is_map(data):
+            from pcjax.view.designs import plot_map
+
+            figure = plot_map(data)
+        elif "figure" in data.attrs:
             from pcjax.paper.pictures import plot_figure
 
             figure = plot_figure(_figure(data, arguments.results))

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Bool, Float
 
-from pcjax.checks import check_count
+from pcjax.checks import check_count, check_kind
 from pcjax.design.compare import score_all
 from pcjax.design.search import grid_lines
 from pcjax.design.space import DesignSpace
@@ -23,7 +23,10 @@ from pcjax.model.drives.base import Drive
 from pcjax.model.hand import HandDesign, full_cage
 from pcjax.model.scenario import DIRECTIONS, fits, is_hand
 from pcjax.quality.surrogate import Surrogate
-from pcjax.results.schema import provenance
+from pcjax.results.schema import conditions, provenance
+
+FINE = 121
+"""Hands along each side that are looked at, to draw where there are none."""
 
 _TOGETHER = 512
 """Hands that are looked at in one call: one compiled program for maps of any size."""
@@ -83,13 +86,16 @@ def score_map(
     Returns:
         A dataset along the two parameters' labels, the second first, with the `score` and its
         standard error `se` (NaN where there is none), the hand's `gap`, whether it is a `full_cage`
-        and whether it is `possible` at all. Attributes `current_...` are the base hand's; there are
-        none where it is not on the map: outside the bounds, or its fingers differ in a parameter
-        that is for both.
+        and whether it is `possible` at all; `gap_fine` and `possible_fine` on a finer grid.
+        Attributes `current_...` are the base hand's; there are none where it is not on the map:
+        outside the bounds, or its fingers differ in a parameter that is for both.
 
     Raises:
+        TypeError: a surrogate or space that is none.
         ValueError: not two parameters, a number out of range, or no hand that has a score.
     """
+    check_kind("surrogate", surrogate, Surrogate)
+    check_kind("space", space, DesignSpace)
     return MapPlan.of(surrogate, space, points, seed=seed).run(progress=progress)
 
 
@@ -183,12 +189,17 @@ class MapPlan:
             "current_score": values[-1],
             "current_se": errors[-1],
         }
+        fine = {f"{p.label}_fine": np.linspace(p.low, p.high, FINE) for p in (y, x)}
+        places = np.stack(np.meshgrid(fine[f"{x.label}_fine"], fine[f"{y.label}_fine"]), axis=-1)
+        gaps, possible = shapes(surrogate, space, places)
+        task, base = surrogate.task, space.hand(current)
         return xr.Dataset(
             {
                 name: (tuple(sides), numbers[:-1].reshape(shape), attrs)
                 for name, (numbers, attrs) in each.items()
-            },
-            coords=sides,
+            }
+            | {"gap_fine": (tuple(fine), gaps), "possible_fine": (tuple(fine), possible)},
+            coords=sides | fine,
             attrs=provenance(
                 {
                     "trials": surrogate.trials,
@@ -202,6 +213,7 @@ class MapPlan:
                     "invalid": invalid,
                     "wall_seconds": time.perf_counter() - began,
                     **(about_current if _on_map(space, current) else {}),
+                    **conditions(dict(zip(task.directions, task.scenarios(base), strict=True))),
                 }
             ),
         )

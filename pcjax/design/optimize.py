@@ -24,7 +24,7 @@ import numpy as np
 import optax
 from jaxtyping import Float
 
-from pcjax.checks import check_between, check_count
+from pcjax.checks import check_between, check_count, check_kind
 from pcjax.design.compare import compare, compare_hands
 from pcjax.design.gradients import Differences, Estimator, Gradient
 from pcjax.design.space import DesignSpace
@@ -229,6 +229,8 @@ def optimize(
         >>> found.best.shape, found.progress.iteration
         ((1,), 1)
     """
+    check_kind("surrogate", surrogate, Surrogate)
+    check_kind("space", space, DesignSpace)
     settings = Settings() if settings is None else settings
     estimator = Differences() if estimator is None else estimator
     path = None if checkpoint is None else Path(checkpoint)

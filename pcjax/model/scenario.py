@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from pcjax.checks import check_between
+from pcjax.checks import check_between, check_kind
 from pcjax.geometry import (
     Flag,
     Scalar,
@@ -167,15 +167,10 @@ def check_kinds(hand: Any, body: Any, drive: Any, law: Any) -> None:
     Raises:
         TypeError: one of them is something else, such as a number or a class.
     """
-    for name, value, kind in (
-        ("hand", hand, HandDesign),
-        ("body", body, Body),
-        ("drive", drive, Drive),
-        ("law", law, ContactLaw),
-    ):
-        if not isinstance(value, kind):
-            what = f"the class {value.__name__}" if isinstance(value, type) else repr(value)
-            raise TypeError(f"{name} is {what}: it has to be a {kind.__name__}")
+    check_kind("hand", hand, HandDesign)
+    check_kind("body", body, Body)
+    check_kind("drive", drive, Drive)
+    check_kind("law", law, ContactLaw)
 
 
 class Fit(eqx.Module):

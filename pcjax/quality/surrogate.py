@@ -31,7 +31,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from pcjax.checks import check_between, check_count
+from pcjax.checks import check_between, check_count, check_kind
 from pcjax.geometry import Scalar
 from pcjax.model.bodies.base import Body
 from pcjax.model.contact import ContactLaw
@@ -75,6 +75,10 @@ class Task:
         law: contact law.
         start_spread: of the starts, in palm lengths.
 
+    Raises:
+        TypeError: a body or drive that is none.
+        ValueError: other directions, or a limit that is no positive whole number.
+
     Examples:
         >>> import pcjax
         >>> task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 600_000)
@@ -88,6 +92,17 @@ class Task:
     max_steps: int
     law: ContactLaw = field(default_factory=ContactLaw)
     start_spread: float = 0.1
+
+    def __post_init__(self) -> None:
+        check_kind("body", self.body, Body)
+        check_kind("drive", self.drive, Drive)
+        check_kind("law", self.law, ContactLaw)
+        known = [("does",), ("does", "eoen")]
+        if self.directions not in known:
+            raise ValueError(
+                f"directions is {self.directions!r}: it has to be one of {known[0]}, {known[1]}"
+            )
+        check_count("max_steps", self.max_steps, 1, 2**31 - 1)
 
     def scenarios(self, hand: HandDesign) -> list[Scenario]:
         """One scenario for each direction."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Mapping
@@ -27,7 +26,7 @@ from pcjax.quality.indices import (
 )
 from pcjax.results.reading import load_dataset
 from pcjax.results.saving import save_dataset
-from pcjax.results.schema import NAMES, WATCHED, indices_of, parameters, provenance, score_of
+from pcjax.results.schema import NAMES, WATCHED, conditions, indices_of, provenance, score_of
 from pcjax.results.tables import engines_text, in_columns, interval_text
 from pcjax.simulate.outcomes import LIMIT, STATUS_NAMES, Outcomes
 
@@ -145,9 +144,7 @@ class Evaluation:
                 "width": float(first.body.width),
             }
             | _stick_attributes(first.body)
-            | {
-                "parameters": json.dumps({k: parameters(s) for k, s in scenarios.items()}),
-            },
+            | conditions(scenarios),
         )
         return cls(dataset)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax
@@ -50,6 +51,20 @@ def parameters(scenario: Scenario) -> dict[str, float]:
     drive: Any = scenario.drive
     fixed = [f.name for f in dataclasses.fields(drive) if f.metadata.get("static")]
     return numbers | {f"drive.{name}": getattr(drive, name) for name in fixed}
+
+
+def conditions(scenarios: Mapping[str, Scenario] | Sequence[Scenario]) -> dict[str, str]:
+    """Attributes that say what was run: kinds of body and drive, and every number, by direction or
+    in the order of the conditions."""
+    named = isinstance(scenarios, Mapping)
+    some: Sequence[Scenario] = list(scenarios.values()) if named else scenarios
+    numbers = [parameters(scenario) for scenario in some]
+    told: Any = dict(zip(scenarios, numbers, strict=True)) if named else numbers
+    return {
+        "body": ", ".join(dict.fromkeys(type(s.body).__name__ for s in some)),
+        "drive": ", ".join(dict.fromkeys(type(s.drive).__name__ for s in some)),
+        "parameters": json.dumps(told),
+    }
 
 
 def provenance(run: Mapping[str, Any]) -> dict[str, Any]:

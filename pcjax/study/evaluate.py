@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -18,7 +17,7 @@ from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import Scenario, check_geometry
 from pcjax.physics.state import INVALID, PAPER_DT
 from pcjax.results.evaluation import Evaluation
-from pcjax.results.schema import WATCHED, parameters, provenance
+from pcjax.results.schema import WATCHED, conditions, provenance
 from pcjax.simulate.batch import run
 from pcjax.simulate.choose import choose_engine
 from pcjax.simulate.lanes import Engine
@@ -222,7 +221,7 @@ def evaluate_grid(
                 "engine": _names(chosen),
                 "precision": precision,
                 "wall_seconds": time.perf_counter() - began,
-                "parameters": json.dumps([parameters(scenario) for scenario in scenarios]),
+                **conditions(scenarios),
             }
         ),
     )

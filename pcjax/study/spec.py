@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from pcjax.checks import check_between, check_count
+from pcjax.checks import check_between, check_count, check_kind
 from pcjax.components import Component
 from pcjax.model.bodies.base import BODIES, Body
 from pcjax.model.bodies.circle import Circle
@@ -163,8 +163,10 @@ class Study:
         """A study in which what is not given is as usual: the paper's wrist, its hand for the
         drive, and a circle that is as large as the drive's usual one."""
         drive = WristTilt() if drive is None else drive
+        check_kind("drive", drive, Drive)
         if hand is None:
             hand = HANDS[drive.usual_hand]().design()
+        check_kind("hand", hand, HandDesign)
         if body is None:
             body = Circle(drive.usual_radius(hand.palm_length))
         law = ContactLaw() if law is None else law

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +15,7 @@ from matplotlib.patches import Patch, Rectangle
 from scipy.interpolate import NearestNDInterpolator
 
 from pcjax.design.compare import compare
-from pcjax.design.map import score_name, shapes
+from pcjax.design.map import FINE, score_name, shapes
 from pcjax.design.optimize import Optimum
 from pcjax.design.space import DesignSpace
 from pcjax.model.bodies.base import placed_outline
@@ -28,8 +29,6 @@ _Z95 = 1.96
 _MAP = 11
 """Designs along each side of a score map."""
 _MAP_TRIALS = 400
-_FINE = 121
-"""Points along each side for the edge of what is allowed."""
 
 
 def plot_optimum(data: tuple[Optimum, DesignSpace, Surrogate]) -> Figure:
@@ -149,7 +148,10 @@ def draw_map(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogat
     logs = compare(rough, space, grid, trials=_MAP_TRIALS, seed=0).logs
     score = np.exp(logs).reshape(_MAP, _MAP)
     _draw_score(axis, xs, ys, score, "exact score")
-    _draw_regions(axis, space, surrogate, space.least_gap(1.0), hatched=False)
+    fine = [np.linspace(p.low, p.high, FINE) for p in space.free]
+    gaps, possible = shapes(surrogate, space, np.stack(np.meshgrid(*fine), axis=-1))
+    _draw_regions(axis, fine, gaps, possible, space.least_gap(1.0), hatched=False)
+    _name_axes(axis, [p.label for p in space.free])
     for n, steps in enumerate(found.progress.history):
         way = np.array([step.design for step in steps] + [found.candidates[n][0]])
         axis.plot(*way.T, ".-", color="white", lw=1, ms=5, mec="black", mew=0.4, zorder=3)
@@ -157,22 +159,31 @@ def draw_map(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogat
     axis.set(title="path; grey: not allowed")
 
 
-def plot_map(data: tuple[xr.Dataset, DesignSpace, Surrogate]) -> Figure:
+def plot_map(dataset: xr.Dataset) -> Figure:
     """A map from `pcjax.score_map` with the current hand; hatched: hands without a score."""
-    dataset, space, surrogate = data
     figure = Figure(figsize=(7.4, 5.6), layout="constrained")
     axis = figure.subplots()
     score = dataset.score.values
-    xs, ys = (dataset[p.label].values for p in space.free)
-    _draw_score(axis, xs, ys, score, score_name(surrogate))
-    handles = _draw_regions(axis, space, surrogate, space.width, hatched=True)
+    labels = [str(label) for label in reversed(dataset.score.dims)]
+    xs, ys = (dataset[label].values for label in labels)
+    _draw_score(axis, xs, ys, score, dataset.attrs["score_name"])
+    fine = "_fine" if "gap_fine" in dataset else ""  # earlier maps have the coarse grid alone
+    handles = _draw_regions(
+        axis,
+        [dataset[f"{label}{fine}"].values for label in labels],
+        dataset[f"gap{fine}"].values,
+        dataset[f"possible{fine}"].values,
+        float(dataset.attrs["object_width"]),
+        hatched=True,
+    )
+    _name_axes(axis, labels)
     row, column = np.unravel_index(np.nanargmax(score), score.shape)
     marks: list[tuple[Any, ...]] = [
         ("best", xs[column], ys[row], "o", score[row, column], float(dataset.se[row, column]))
     ]
     attrs = dataset.attrs
     if "current_score" in attrs:
-        at = (attrs[f"current_{p.label}"] for p in space.free)
+        at = (attrs[f"current_{label}"] for label in labels)
         marks.append(("current", *at, "*", attrs["current_score"], attrs["current_se"]))
     for name, x, y, marker, value, se in marks:
         label = f"{name} hand: {value:,.4g} ± {se:.2g}" if np.isfinite(value) else f"{name} hand"
@@ -203,11 +214,15 @@ def _without_holes(values: np.ndarray) -> np.ndarray:
 
 
 def _draw_regions(
-    axis: Axes, space: DesignSpace, surrogate: Surrogate, least: float, *, hatched: bool
+    axis: Axes,
+    fine: Sequence[np.ndarray],
+    gaps: np.ndarray,
+    possible: np.ndarray,
+    least: float,
+    *,
+    hatched: bool,
 ) -> list[Patch]:
-    """Covers the hands whose gap is below `least` and those that cannot be; names the axes."""
-    fine = [np.linspace(p.low, p.high, _FINE) for p in space.free]
-    gaps, possible = shapes(surrogate, space, np.stack(np.meshgrid(*fine), axis=-1))
+    """Covers the hands whose gap is below `least` and those that cannot be."""
     handles = []
     for values, edge, colour, hatch, label in (
         (gaps, least, "0.9", "//", f"full cage: gap below {least:.4g}"),
@@ -220,6 +235,13 @@ def _draw_regions(
         axis.contourf(*fine, values, [-1.0, edge], colors=colour, hatches=hatches, zorder=2.2)
         axis.contour(*fine, values, [edge], colors="0.3", linewidths=1, zorder=2.3)
         handles.append(Patch(fc=colour, ec="0.3", hatch=hatch, label=label))
-    names = [p.name.replace("_", " ") + (f" [{p.unit}]" if p.unit else "") for p in space.free]
-    axis.set(xlabel=names[0], ylabel=names[1])
     return handles
+
+
+def _name_axes(axis: Axes, labels: Sequence[str]) -> None:
+    """Parameters' labels in words."""
+    words = [
+        label.removesuffix("_deg").replace("_", " ") + (" [deg]" if label.endswith("_deg") else "")
+        for label in labels
+    ]
+    axis.set(xlabel=words[0], ylabel=words[1])
