@@ -11,7 +11,8 @@ from __future__ import annotations
 import functools
 import importlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import MISSING, dataclass, fields, replace
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Generic, Literal, Self, TypeVar, cast, dataclass_transform
@@ -241,6 +242,13 @@ class Registry(Generic[C]):
         """All kinds, those of installed packages among them."""
         self._import_own()
         return tuple(dict.fromkeys([*self._classes, *(e.name for e in self._offered)]))
+
+    def items(self) -> Iterator[tuple[str, type[C]]]:
+        """All kinds with their classes, but for those of packages that cannot be imported: they
+        are refused where they are asked for."""
+        for kind in self.kinds():
+            with suppress(ValueError):
+                yield kind, self[kind]
 
     def __getitem__(self, kind: str) -> type[C]:
         """

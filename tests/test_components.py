@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -51,3 +53,47 @@ def test_lengths_scale_and_angles_are_degrees_in_files() -> None:
     stick = Stick(50.0, 0.5).scaled(0.1)
     assert (float(stick.half_length), float(stick.orientation)) == (5.0, 0.5)
     assert stick.as_table() == {"radius": 5.0, "orientation_deg": pytest.approx(28.64788976)}
+
+
+def test_a_package_offers_its_class_by_an_entry_point(tmp_path: Path) -> None:
+    (tmp_path / "own_things.py").write_text(
+        "import pcjax\n"
+        "from pcjax.components import quantity\n"
+        "class Puck(pcjax.Body):\n"
+        "    radius: float = quantity('length', 'of the puck', low=0, above=True, key='radius')\n"
+        "    gloss: float = quantity('1', 'how much it shines', default=0.5, key='gloss',\n"
+        "        flag='gloss')\n"
+        "    noun = 'puck of radius'\n"
+        "    @property\n"
+        "    def width(self):\n"
+        "        return 2 * self.radius\n"
+    )
+    package = tmp_path / "own_things-1.0.dist-info"
+    package.mkdir()
+    (package / "METADATA").write_text("Metadata-Version: 2.1\nName: own-things\nVersion: 1.0\n")
+    points = "[pcjax.bodies]\npuck = own_things:Puck\nbroken = own_things:Nothing\n"
+    (package / "entry_points.txt").write_text(points)
+    (tmp_path / "own.toml").write_text(
+        '[body]\nkind = "puck"\nradius = 20\ngloss = 0.25\n[hand]\npreset = "box"\n'
+    )
+    path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+
+    def command(*words: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "pcjax", *words],
+            capture_output=True,
+            text=True,
+            timeout=120,
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": path},
+        )
+
+    for words in (["own.toml"], ["--body", "puck", "--radius", "20", "--gloss", "0.25"]):
+        done = command("inspect", *words)
+        assert done.returncode == 0, done.stderr
+        assert "puck of radius 20" in done.stdout
+    refused = command("inspect", "--body", "broken")
+    assert refused.returncode == 2
+    assert "own_things:Nothing" in refused.stderr
+    assert "Traceback" not in refused.stderr
+    assert len(refused.stderr.splitlines()) == 1

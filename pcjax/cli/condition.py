@@ -32,9 +32,9 @@ _KINDS = {
 def _declared() -> Iterator[tuple[str, str, Quantity]]:
     """Every parameter with a flag: its table, the kind of component it belongs to, itself."""
     sorts: list[tuple[str, str, type[Component]]] = [
-        (table, kind, registry[kind])
+        (table, kind, component)
         for table, (_, _, registry, _) in _KINDS.items()
-        for kind in registry.kinds()
+        for kind, component in registry.items()
     ]
     for table, kind, component in [*sorts, ("contact", "", ContactLaw)]:
         for what in quantities(component).values():

@@ -220,7 +220,7 @@ class _Reader:
         for other in self.table(where):
             if other in (key, *known):
                 continue
-            kinds = [k for k in registry.kinds() if other in _keys(registry[k])]
+            kinds = [k for k, component in registry.items() if other in _keys(component)]
             if kinds:
                 raise ValueError(
                     f"[{where}] {other} does not apply to the {registry.noun} {kind}: it belongs "

@@ -56,8 +56,8 @@ def change(
         elsewhere = [
             f"the {registry.noun} {kind}"
             for registry in (BODIES, DRIVES)
-            for kind in registry.kinds()
-            if any(name == what.file_key for what in quantities(registry[kind]).values())
+            for kind, component in registry.items()
+            if any(name == what.file_key for what in quantities(component).values())
         ]
         if elsewhere:
             where = ", ".join(elsewhere)
