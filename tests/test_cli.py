@@ -512,6 +512,34 @@ def test_a_slip_of_units_is_one_line_and_no_failure(
     assert (tmp_path / "hand.svg").exists()
 
 
+# ------------------------------------------------------------------------------------ completion
+
+
+def test_completion_offers_commands_flags_and_choices(command: Command, tmp_path: Path) -> None:
+    bash = shutil.which("bash")
+    if bash is None:
+        pytest.skip("there is no bash")
+    (tmp_path / "complete.sh").write_text(command("completion bash").out)
+    script = (
+        f"source {tmp_path / 'complete.sh'}\n"
+        'COMP_WORDS=("$@"); COMP_CWORD=$(( $# - 1 )); _pcjax; echo "${COMPREPLY[@]}"'
+    )
+    for words, offered in (
+        (["pcjax", "ev"], "evaluate"),
+        (["pcjax", "evaluate", "--fing"], "--fingertip-angle --fingertip-length"),
+        (["pcjax", "evaluate", "--engine", ""], "auto event stepping"),
+        (["pcjax", "figure", "9"], "9a 9b"),
+        (["pcjax", "evaluate", "nothing"], ""),
+    ):
+        done = subprocess.run(
+            [bash, "-c", script, "bash", *words], capture_output=True, text=True, check=True
+        )
+        assert done.stdout.strip() == offered
+    zsh, fish = (command(f"completion {shell}").out for shell in ("zsh", "fish"))
+    assert "bashcompinit" in zsh
+    assert "-n '__fish_seen_subcommand_from evaluate' -l body -r -a 'circle stick'" in fish
+
+
 # ------------------------------------------------------------------------- map, animate, export
 
 SMALL_MAP = "map --points 3 2 --trials 20 --max-steps 20_000"

@@ -32,6 +32,7 @@ COMMANDS = {
     "export": ("export", "draw the hand for CAD"),
     "figure": ("figure", "redo one of the paper's figures"),
     "claims": ("claims", "check the paper's claims"),
+    "completion": ("completion", "let a shell complete commands and flags"),
 }
 """Each command's module, which is imported when the command is run (JAX takes half a second, and
 what draws another), and what it does. The module has a function `add_COMMAND`."""
@@ -129,20 +130,7 @@ def _parse(argv: list[str]) -> argparse.Namespace:
     parser.add_argument("--version", action="version", version=f"pcjax {package_version()}")
     commands = parser.add_subparsers(dest="command", metavar="command")
     chosen = next((word for word in argv if not word.startswith("-")), None)
-    subparsers = {}
-    for name, (module, text) in COMMANDS.items():
-        subparsers[name] = commands.add_parser(
-            name,
-            help=text,
-            description=text[0].upper() + text[1:] + ".",
-            allow_abbrev=False,
-            formatter_class=HelpFormatter,
-        )
-        # "-1e1", "-inf" and "-nan" are values, not flags.
-        subparsers[name]._negative_number_matcher = NegativeNumber()
-        if name == chosen:
-            found = importlib.import_module(f"pcjax.cli.{module}")
-            getattr(found, f"add_{name}")(subparsers[name])
+    subparsers = _add_commands(commands, lambda name: name == chosen)
     arguments, unknown = parser.parse_known_args(argv)
     if unknown:
         subparsers.get(arguments.command, parser).unknown(unknown)
@@ -150,3 +138,27 @@ def _parse(argv: list[str]) -> argparse.Namespace:
         parser.print_help()
         sys.exit(0)
     return arguments
+
+
+def _add_commands(commands: Any, wanted: Callable[[str], bool]) -> dict[str, Parser]:
+    """Adds all commands, those wanted with their arguments."""
+    added = {}
+    for name, (module, text) in COMMANDS.items():
+        added[name] = commands.add_parser(
+            name,
+            help=text,
+            description=text[0].upper() + text[1:] + ".",
+            allow_abbrev=False,
+            formatter_class=HelpFormatter,
+        )
+        # "-1e1", "-inf" and "-nan" are values, not flags.
+        added[name]._negative_number_matcher = NegativeNumber()
+        if wanted(name):
+            found = importlib.import_module(f"pcjax.cli.{module}")
+            getattr(found, f"add_{name}")(added[name])
+    return added
+
+
+def every_parser() -> dict[str, Parser]:
+    """The parser of each command, with its arguments."""
+    return _add_commands(Parser().add_subparsers(), lambda _: True)
