@@ -457,6 +457,8 @@ def test_optimize_prints_one_object_and_keeps_a_hand_that_evaluate_reads(
     # 2 iterations of 5 hands, 1 checkpoint, 1 choice and the comparison of 2 hands.
     assert told["trials"] == 2 * (2 * 5 * 60 + 1000 + 60 + 2 * 60)
     assert np.ptp(imread(tmp_path / "best.png")) > 0.5
+    # The trials of an iteration are none of the study's.
+    assert pcjax.load_study(tmp_path / "best.toml").run.trials == 5000
     same = one_object(command(line))
     assert same["best"] == told["best"]
     evaluated = one_object(command("evaluate best.toml --json --trials 40 --max-steps 20_000"))

@@ -60,7 +60,14 @@ def add_map(parser: argparse.ArgumentParser) -> None:
         metavar=("NX", "NY"),
         help="hands along each side",
     )
-    add("--trials", type=whole, default=400, help="trials of each hand and direction")
+    add(
+        "--trials",
+        dest="trials_each",  # not those of the study: they are for evaluations of one hand
+        metavar="TRIALS",
+        type=whole,
+        default=400,
+        help="trials of each hand and direction",
+    )
     add(
         "--objective",
         choices=OBJECTIVES,
@@ -100,7 +107,11 @@ def _run(arguments: argparse.Namespace) -> None:
     )
     task = task_of(study)
     surrogate = Surrogate(
-        task, objective=arguments.objective, form="exact", trials=arguments.trials, dt=study.run.dt
+        task,
+        objective=arguments.objective,
+        form="exact",
+        trials=arguments.trials_each,
+        dt=study.run.dt,
     )
     plan = MapPlan.of(surrogate, space, arguments.points, seed=study.run.seed)
     print(

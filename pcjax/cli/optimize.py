@@ -97,7 +97,14 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
     add("--estimator", choices=tuple(_ESTIMATORS), default="axial", help="of the gradient")
     add("--starts", type=whole, default=1, help="the hand given, and others spread over the bounds")
     add("--iterations", type=whole, default=Settings.iterations, help="at most")
-    add("--trials", type=whole, default=1000, help="trials of a hand and direction, an iteration")
+    add(
+        "--trials",
+        dest="trials_each",  # not those of the study: they are for evaluations of one hand
+        metavar="TRIALS",
+        type=whole,
+        default=1000,
+        help="trials of a hand and direction, an iteration",
+    )
     add(
         "--accept-trials",
         type=whole,
@@ -144,7 +151,7 @@ def _run(arguments: argparse.Namespace) -> None:
         task,
         objective=arguments.objective,
         form=arguments.form,
-        trials=arguments.trials,
+        trials=arguments.trials_each,
         dt=study.run.dt,
     )
     if arguments.estimator == "pathwise":
