@@ -11,6 +11,7 @@ from __future__ import annotations
 import functools
 import importlib
 import math
+import types
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import MISSING, dataclass, fields, replace
@@ -131,14 +132,17 @@ def quantity(
     default: Any = MISSING,
     converter: Callable[[Any], Any] | None = None,
     static: bool = False,
+    shared: bool = False,
     **more: Any,
 ) -> Any:
     """Declares a field of a component; see `Quantity` for what can be said of it.
 
-    A `static` one is part of the program: another value compiles anew.
+    A `static` one is part of the program: another value compiles anew. A `shared` one is, too, but
+    in a batch it is a number that all lanes share (see `unfixed`).
     """
     declared = Quantity(unit, help, default, **more)
-    given: dict[str, Any] = {"metadata": {"quantity": declared}, "static": static}
+    static = static or shared
+    given: dict[str, Any] = {"metadata": {"quantity": declared, SHARED: shared}, "static": static}
     if default is not MISSING:
         given["default"] = default
     if static and converter is None:
@@ -146,6 +150,10 @@ def quantity(
     if converter is not None:
         given["converter"] = converter
     return eqx.field(**given)
+
+
+SHARED = "shared"
+"""Marks a field's metadata; see `unfixed`."""
 
 
 @functools.cache
@@ -197,7 +205,45 @@ class Component(eqx.Module):
 
 
 C = TypeVar("C", bound=Component)
+M = TypeVar("M", bound=eqx.Module)
 T = TypeVar("T", bound=type)
+
+
+def unfixed(module: M) -> M:
+    """The same module, with its `shared` parameters as leaves in place of parts of the program."""
+    kind = _unfixed_kind(type(module))
+    new = object.__new__(kind)
+    for f in fields(module):
+        value = getattr(module, f.name)
+        object.__setattr__(new, f.name, unfixed(value) if isinstance(value, eqx.Module) else value)
+    return cast(M, new)
+
+
+@functools.cache
+def _unfixed_kind(kind: type) -> type:
+    named = [f for f in fields(kind) if f.metadata.get(SHARED)]
+    if not named:
+        return kind
+    own = {f.name: eqx.field(default=None, metadata={SHARED: True}) for f in named}
+    body = {"__annotations__": {f.name: float for f in named}, "__module__": kind.__module__, **own}
+    return types.new_class(kind.__name__, (kind,), exec_body=lambda names: names.update(body))
+
+
+def shared_leaves(tree: Any) -> Any:
+    """The tree with True in place of what is `shared` by all lanes, and False elsewhere."""
+
+    def is_shared(path: Sequence[Any], _: Any) -> bool:
+        here, shared = tree, False
+        for key in path:
+            if isinstance(key, jax.tree_util.GetAttrKey):
+                named = {f.name: f for f in fields(here)}
+                shared = bool(named[key.name].metadata.get(SHARED))
+                here = getattr(here, key.name)
+            else:
+                here = here[key.idx if isinstance(key, jax.tree_util.SequenceKey) else key.key]
+        return shared
+
+    return jax.tree_util.tree_map_with_path(is_shared, tree)
 
 
 class Registry(Generic[C]):

@@ -19,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from pcjax.checks import check_count
+from pcjax.components import shared_leaves, unfixed
 from pcjax.model.scenario import Scenario
 from pcjax.progress import progress_bar
 from pcjax.simulate.cloud import Cloud
@@ -87,8 +88,11 @@ def run(
     if any(scenario.body.turns != turns for scenario in scenarios):
         raise ValueError("some of the objects turn and others do not: run them one after the other")
     kinds: dict[Any, list[int]] = {}
-    for k, scenario in enumerate(scenarios):
-        kinds.setdefault(jax.tree.structure(scenario), []).append(k)
+    for k, scenario in enumerate(map(unfixed, scenarios)):
+        shared = shared_leaves(scenario)
+        leaves = zip(jax.tree.leaves(scenario), jax.tree.leaves(shared), strict=True)
+        common = tuple(leaf for leaf, is_shared in leaves if is_shared)
+        kinds.setdefault((jax.tree.structure(scenario), common), []).append(k)
     if len(kinds) > 1:
         for chosen in kinds.values():
             part = run(
@@ -111,7 +115,13 @@ def run(
     # The compiled program depends on how many conditions there are: of a few numbers only.
     room = max(_FEWEST_CONDITIONS, 1 << (len(scenarios) - 1).bit_length())
     filled = [*scenarios, *[scenarios[0]] * (room - len(scenarios))]
-    stacked = jax.tree.map(lambda *leaves: np.asarray(leaves, dtype), *filled)
+    loose = [unfixed(scenario) for scenario in filled]
+
+    def stack(is_shared: bool, *leaves: Any) -> np.ndarray:
+        return np.asarray(leaves[0] if is_shared else leaves, dtype)
+
+    stacked = jax.tree.map(stack, shared_leaves(loose[0]), *loose)
+    program = engine.program(scenarios[0].drive.period)
     devices = jax.local_devices()
     platform = devices[0].platform
     crew = crew_of(devices, workers)
@@ -124,7 +134,7 @@ def run(
     ledger = Ledger(filled, engine, outcomes, first)
     advance = functools.partial(
         advance_for(platform),
-        engine=engine,
+        program=jax.tree.map(lambda n: np.int32(n) if isinstance(n, int) else dtype(n), program),
         stacked=stacked,
         seed=np.uint32(seed),
         last_period=np.int32(ledger.last_period),

@@ -42,7 +42,7 @@ from pcjax.model.scenario import World
 from pcjax.physics.contact.circle import Contact, two_nearest
 from pcjax.physics.response import Angle, impacts_in_turn, least_push
 from pcjax.physics.state import INVALID, PASSED, RUNNING
-from pcjax.simulate.lanes import Lanes, progress_of, with_progress
+from pcjax.simulate.lanes import Lanes, lane_axes, progress_of, with_progress
 from pcjax.simulate.relaxation import Layer, Progress
 
 LONGEST_ARC = 0.05
@@ -86,17 +86,33 @@ class EventDriven:
         """How long each trial has lasted, s."""
         return lanes.period * period + lanes.time.astype(float)
 
+    def program(self, period: float) -> LeapingProgram:
+        """What is compiled; the same for every period."""
+        return LeapingProgram(self.budget, self.goal_layer, self.burst, self.rounds)
+
+
+class LeapingProgram(eqx.Module):
+    """Leaps, a burst at a time; see `EventDriven`."""
+
+    budget: Scalar
+    goal_layer: Scalar | None
+    burst: int = eqx.field(static=True)
+    rounds: int = eqx.field(static=True)
+
     def run(self, worlds: World, swings: Swing, lanes: Lanes) -> Lanes:
         """Takes each trial `burst` leaps further, at most to the end of its period."""
         drives = worlds.drive
         assert isinstance(drives, WristTilt)
-        each = jax.vmap(leap)
-        intervals = jax.vmap(WristTilt.steady_interval)(drives, DRIFT * worlds.body.radius)
+        intervals = jax.vmap(WristTilt.steady_interval, in_axes=(lane_axes(drives), 0))(
+            drives, DRIFT * worlds.body.radius
+        )
 
         progress = progress_of(lanes)
         layers = Layer.all_of(worlds, self.goal_layer)
         if layers is not None:
             worlds = replace(worlds, goal=jax.vmap(Layer.farthest_goal)(layers))
+
+        each = jax.vmap(leap, in_axes=(lane_axes(worlds), 0, 0, 0))
 
         def one(carry: tuple[Flight, Progress], _: None) -> tuple[tuple[Flight, Progress], None]:
             flights, progress = carry

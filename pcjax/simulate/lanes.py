@@ -113,6 +113,30 @@ def with_progress(lanes: Lanes, progress: Progress) -> Lanes:
     return lanes._replace(mark=progress.mark, first=progress.first, held=progress.held)
 
 
+def lane_axes(batch: Any) -> Any:
+    """The vmap axes of a batch: a leaf without an axis is the same for all lanes."""
+    return jax.tree.map(lambda leaf: 0 if jnp.ndim(leaf) else None, batch)
+
+
+class Program(Protocol):
+    """An engine as it is compiled: a pytree, whose numbers are traced."""
+
+    @property
+    def rounds(self) -> int:
+        """How often in one call lanes whose period is over begin the next."""
+        ...
+
+    def run(self, worlds: World, swings: Any, lanes: Lanes) -> Lanes:
+        """Takes lanes some way through their periods, at most to the end of them.
+
+        Arguments:
+            worlds, swings: batches; every leaf has the lanes as its first axis, but for those that
+                all lanes share, which have none.
+            lanes: those with another status than RUNNING or whose period is over stay as they are.
+        """
+        ...
+
+
 class Engine(Protocol):
     """How a block of trials is advanced."""
 
@@ -127,22 +151,12 @@ class Engine(Protocol):
         the exact goal."""
         ...
 
-    @property
-    def rounds(self) -> int:
-        """How often in one call lanes whose period is over begin the next."""
+    def program(self, period: float) -> Program:
+        """What is compiled, for periods of `period` seconds."""
         ...
 
     def step_taken(self, period: float) -> float:
         """The step taken for periods of `period` seconds, s; NaN for one that takes no steps."""
-        ...
-
-    def run(self, worlds: World, swings: Any, lanes: Lanes) -> Lanes:
-        """Takes lanes some way through their periods, at most to the end of them.
-
-        Arguments:
-            worlds, swings: batches; every leaf has the lanes as its first axis.
-            lanes: those with another status than RUNNING or whose period is over stay as they are.
-        """
         ...
 
     def seconds(self, lanes: Lanes, period: float) -> np.ndarray:

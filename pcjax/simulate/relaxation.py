@@ -50,12 +50,12 @@ class Layer(eqx.Module):
     width: Scalar
 
     @classmethod
-    def of(cls, channel: Channel, share: float) -> Layer:
+    def of(cls, channel: Channel, share: Scalar) -> Layer:
         """w is a share of the channel's depth. It is not differentiated: it is our choice."""
         return cls(channel, jax.lax.stop_gradient(share * channel.depth()))
 
     @classmethod
-    def all_of(cls, worlds: World, share: float | None) -> Layer | None:
+    def all_of(cls, worlds: World, share: Scalar | None) -> Layer | None:
         """The layers of a batch of worlds, None where the goal is exact."""
         if share is None:
             return None
@@ -63,7 +63,8 @@ class Layer(eqx.Module):
         def one(world: World) -> Layer:
             return cls.of(channel_between(world.limbs[world.finger_1], world.limbs[-1]), share)
 
-        return jax.vmap(one)(worlds)
+        axes = jax.tree.map(lambda leaf: 0 if jnp.ndim(leaf) else None, worlds)
+        return jax.vmap(one, in_axes=(axes,))(worlds)
 
     def farthest_goal(self) -> Goal:
         """The last line of the layer: whoever crosses it is out for certain."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -12,22 +13,24 @@ from pcjax.physics.state import RUNNING
 from pcjax.physics.step import begin
 from pcjax.simulate.cloud import Cloud
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
-from pcjax.simulate.lanes import Engine, Lanes, with_progress, with_states
+from pcjax.simulate.lanes import Engine, Lanes, Program, lane_axes, with_progress, with_states
 from pcjax.simulate.relaxation import NOWHERE, Progress
 
 
 def advance_block(
     *,
-    engine: Engine,
+    program: Program,
     stacked: Scenario,
     seed: jax.Array,
     last_period: jax.Array,
     cloud: Cloud | None,
     lanes: Lanes,
 ) -> Lanes:
-    """One call of the engine's `rounds` for a block of lanes."""
-    scenarios = jax.tree.map(lambda leaf: leaf[lanes.condition], stacked)
-    worlds = jax.vmap(lambda scenario: scenario.world())(scenarios)
+    """One call of the program's `rounds` for a block of lanes."""
+    scenarios = jax.tree.map(lambda leaf: leaf[lanes.condition] if leaf.ndim else leaf, stacked)
+    axes = lane_axes(scenarios)
+    worlds = jax.vmap(lambda scenario: scenario.world(), in_axes=(axes,))(scenarios)
+    worlds = replace(worlds, drive=scenarios.drive)  # with what all lanes share as one number
     starts = None if cloud is None else jax.tree.map(lambda leaf: leaf[lanes.trial], cloud)
 
     def next_period(scenario: Scenario, lane: Lanes, start: Cloud | None) -> tuple[Lanes, Any]:
@@ -57,12 +60,12 @@ def advance_block(
         return lane, drive.swing(before, draws, (period == 0) & (start is None))
 
     def round(_: Any, lanes: Lanes) -> Lanes:
-        lanes, swings = jax.vmap(next_period)(scenarios, lanes, starts)
-        return engine.run(worlds, swings, lanes)
+        lanes, swings = jax.vmap(next_period, in_axes=(axes, 0, 0))(scenarios, lanes, starts)
+        return program.run(worlds, swings, lanes)
 
-    if engine.rounds == 1:
+    if program.rounds == 1:
         return round(0, lanes)
-    return jax.lax.fori_loop(0, engine.rounds, round, lanes)
+    return jax.lax.fori_loop(0, program.rounds, round, lanes)
 
 
 def roll(
@@ -85,13 +88,15 @@ def roll(
         lanes: from `Lanes.fresh`.
     """
 
+    program = engine.program(stacked.drive.period)
+
     def going(lanes: Lanes) -> jax.Array:
         over = (lanes.period >= periods - 1) & (lanes.time >= stacked.drive.period)
         return jnp.any((lanes.status == RUNNING) & ~over)
 
     def advance(lanes: Lanes) -> Lanes:
         return advance_block(
-            engine=engine,
+            program=program,
             stacked=stacked,
             seed=seed,
             last_period=jnp.asarray(periods - 1, jnp.int32),

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,7 +18,14 @@ from pcjax.model.scenario import Scenario, World
 from pcjax.physics.state import PAPER_DT, PASSED, RUNNING, State
 from pcjax.physics.step import advance, begin
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
-from pcjax.simulate.lanes import Lanes, progress_of, states_of, with_progress, with_states
+from pcjax.simulate.lanes import (
+    Lanes,
+    lane_axes,
+    progress_of,
+    states_of,
+    with_progress,
+    with_states,
+)
 from pcjax.simulate.relaxation import Layer, Progress
 
 _CHUNK = 50
@@ -43,7 +51,6 @@ class Stepping:
     dt: float = PAPER_DT
     goal_layer: float | None = None
     name = "stepping"
-    rounds = 1
 
     def __post_init__(self) -> None:
         check_positive("dt", self.dt)
@@ -61,16 +68,40 @@ class Stepping:
         """How long each trial has lasted, s."""
         return lanes.steps * self.step_taken(period) - lanes.lag
 
+    def program(self, period: float) -> SteppingProgram:
+        """What is compiled, for periods of `period` seconds."""
+        chunks = self.steps_per_period(period) // _CHUNK
+        return SteppingProgram(self.step_taken(period), chunks, self.goal_layer, _CHUNK)
+
+
+class SteppingProgram(eqx.Module):
+    """Steps of one length, as many as a period has.
+
+    Arguments:
+        dt: the step, s.
+        chunks: how often `chunk` steps make a period.
+        goal_layer: see `Stepping`.
+        chunk: steps between two looks at whether anybody is still under way.
+    """
+
+    dt: Scalar
+    chunks: Scalar
+    goal_layer: Scalar | None
+    chunk: int = eqx.field(static=True)
+
+    @property
+    def rounds(self) -> int:
+        """One call is one period."""
+        return 1
+
     def run(self, worlds: World, swings: Any, lanes: Lanes) -> Lanes:
         """Takes a batch of trials, each at its start, through one period of their drives."""
-        period = worlds.drive.period
-        chunks = self.steps_per_period(period) // _CHUNK
-        dt = jnp.asarray(self.step_taken(period), jnp.result_type(worlds.body.radius))
+        dt = jnp.asarray(self.dt, jnp.result_type(worlds.body.radius))
         states = states_of(lanes)
         axes = lane_axes(states)
         step_all = jax.vmap(
             lambda world, swing, state: advance(world, swing, state, dt),
-            in_axes=(0, 0, axes),
+            in_axes=(lane_axes(worlds), 0, axes),
             out_axes=axes,
         )
 
@@ -92,29 +123,24 @@ class Stepping:
 
         def chunk(carry: tuple[Array, State, Progress]) -> tuple[Array, State, Progress]:
             count, states, progress = carry
-            (states, progress), _ = jax.lax.scan(one, (states, progress), length=_CHUNK)
+            (states, progress), _ = jax.lax.scan(one, (states, progress), length=self.chunk)
             return count + 1, states, progress
 
         def unfinished(carry: tuple[Array, State, Progress]) -> Array:
             count, states, _ = carry
-            return (count < chunks) & jnp.any(states.status == RUNNING)
+            return (count < self.chunks) & jnp.any(states.status == RUNNING)
 
         zero = jnp.zeros((), jnp.int32)
         _, states, progress = jax.lax.while_loop(unfinished, chunk, (zero, states, progress))
         return with_progress(with_states(lanes, states), progress)._replace(
-            time=jnp.full_like(lanes.time, period),
-            lag=jax.vmap(lag_of, in_axes=(0, axes, None))(worlds, states, dt),
+            time=jnp.broadcast_to(worlds.drive.period, lanes.time.shape).astype(lanes.time.dtype),
+            lag=jax.vmap(lag_of, in_axes=(lane_axes(worlds), axes, None))(worlds, states, dt),
         )
 
 
 def with_clock_at_zero(states: State) -> State:
     """The states at the start of a new period."""
     return replace(states, clock=jnp.zeros((), jnp.int32))
-
-
-def lane_axes(states: State) -> State:
-    """The vmap axes of a batch of states: their clock is shared."""
-    return replace(jax.tree.map(lambda _: 0, states), clock=None)
 
 
 def lag_of(world: World, state: State, dt: Scalar) -> Scalar:

@@ -189,8 +189,4 @@ def work(
 
 @functools.cache
 def advance_for(platform: str) -> Callable[..., Any]:
-    return jax.jit(
-        advance_block,
-        static_argnames=("engine",),
-        compiler_options=_COMPILER_OPTIONS.get(platform),
-    )
+    return jax.jit(advance_block, compiler_options=_COMPILER_OPTIONS.get(platform))

@@ -53,8 +53,8 @@ class PlanarArm(Drive):
         gravity: g, length / s^2.
         gravity_direction: where gravity points (from the world's x axis), radians; -pi/2: down.
         ramp_time: seconds of each period in which the arm moves; a whole number of fiftieths of the
-            period, so that steps end where it does (fixed when compiled).
-        period: seconds between draws of new targets (fixed when compiled).
+            period, so that steps end where it does (the same for all trials of a batch).
+        period: seconds between draws of new targets (the same for all trials of a batch).
 
     Raises:
         ValueError: a length or gravity that is not a finite number of at least 0, an angle that is

@@ -25,8 +25,8 @@ def gravity_field() -> Any:
 
 
 def duration_field(help: str, default: float, key: str) -> Any:
-    """A time that decides which code runs."""
-    return quantity("time", help, default=default, low=0, above=True, key=key, static=True)
+    """A time that all trials of a batch share, so that what depends on it stays a branch."""
+    return quantity("time", help, default=default, low=0, above=True, key=key, shared=True)
 
 
 class Carriage(eqx.Module):

@@ -44,8 +44,9 @@ class WristTilt(Drive):
     Arguments:
         amplitude: largest tilt, radians.
         gravity: g, length / s^2.
-        ramp_time: seconds of each period in which the wrist turns (fixed when compiled).
-        period: seconds between draws of new targets (fixed when compiled).
+        ramp_time: seconds of each period in which the wrist turns (the same for all trials
+            of a batch).
+        period: seconds between draws of new targets (the same for all trials of a batch).
         turned: cosine and sine of an angle by which gravity is turned in the hand's plane (see
             `mirrored`).
 
