@@ -13,7 +13,7 @@ import argparse
 import csv
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import jax
@@ -27,7 +27,7 @@ from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.wrist import Swing, WristTilt
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import Scenario, check_geometry, does, eoen
-from pcjax.physics.state import INVALID, PASSED, RUNNING, State
+from pcjax.physics.state import INVALID, PASSED, RUNNING, State, at_rest
 from pcjax.physics.step import advance
 from pcjax.simulate.batch import run
 from pcjax.simulate.choose import choose_engine, safe_step
@@ -276,7 +276,7 @@ def _growth(scenario: Scenario, draws: jax.Array, leaps: int) -> tuple[jax.Array
         dt = 0.05 * scenario.body.radius / fastest
         flight = Flight(position, velocity, drive.ramp_time + 0.0 * speed, zero, zero)
         clock = jnp.ceil(drive.ramp_time / dt).astype(jnp.int32) + 1
-        state = State(position, velocity, clock, zero, zero)
+        state = replace(at_rest(position), velocity=velocity, clock=clock)
         _, leapt = jax.lax.scan(by_leap, flight, length=leaps)
         _, stepped = jax.lax.scan(by_step, state, length=20 * leaps)
         scale = 0.5 * speed * speed + 0.01 * drive.gravity * scenario.hand.palm_length

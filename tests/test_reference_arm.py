@@ -75,7 +75,7 @@ def apart(mine: State, other: dict[str, Any]) -> np.ndarray:
     """The largest difference of place after each step; a stick's ends count, not its angle."""
     n = len(other["positions"])
     got = np.stack([mine.position.x, mine.position.y], 1)[:n]
-    if mine.angle is None:
+    if "angles" not in other:
         return np.abs(got - other["positions"]).max(axis=1)
     turn = 50.0 * np.abs(np.exp(1j * np.asarray(mine.angle[:n])) - np.exp(1j * other["angles"]))
     return np.abs(got - other["positions"]).max(axis=1) + turn

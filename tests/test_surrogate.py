@@ -80,8 +80,8 @@ def test_a_thin_layer_gives_the_exact_trials(
     settings: dict[str, Any] = {"trials": 200, "max_steps": 50_000, "precision": 64}
     exact = run([scenario], engine=engine, **settings)
     thin = run([scenario], engine=replace(engine, goal_layer=1e-6), **settings)
-    assert thin.progress is not None
-    mark, _, held = np.moveaxis(thin.progress[0], -1, 0)
+    assert thin.excursion is not None
+    mark, _, held = np.moveaxis(thin.excursion[0], -1, 0)
     assert not np.any(thin.status == INVALID)
     # One that just touches the line and falls back is out in either.
     np.testing.assert_array_equal(mark > 0, exact.status[0] != LIMIT)
@@ -97,8 +97,8 @@ def test_the_relaxed_index_tends_to_the_exact_one() -> None:
     exact = run(scenarios, engine=EventDriven(), **settings).steps * 0.001
     for layer in (0.8, 0.2, 0.05):
         relaxed = run(scenarios, engine=EventDriven(goal_layer=layer), **settings)
-        assert relaxed.progress is not None
-        gaps.append(np.abs(relaxed.progress[..., 2] - exact).mean(axis=1) / exact.mean(axis=1))
+        assert relaxed.excursion is not None
+        gaps.append(np.abs(relaxed.excursion[..., 2] - exact).mean(axis=1) / exact.mean(axis=1))
     assert np.all(gaps[0] < 0.08)
     assert np.all(gaps[1] < gaps[0])
     assert np.all(gaps[2] < 0.3 * gaps[0])
@@ -110,11 +110,10 @@ def test_the_relaxed_index_tends_to_the_exact_one() -> None:
 def held_by(scenario: Scenario, trials: int, periods: int, layer: float, dt: float) -> jax.Array:
     """The mean relaxed survival time of some trials, s."""
     stacked = jax.tree.map(lambda leaf: jnp.asarray(leaf, float)[None], scenario)
-    more = 5 if isinstance(scenario.body, Stick) else 0
     numbers = jnp.arange(trials, dtype=jnp.int32)
-    lanes = Lanes.fresh(jnp.zeros_like(numbers), numbers, np.float64, more)
+    lanes = Lanes.fresh(jnp.zeros_like(numbers), numbers, np.float64)
     engine = Stepping(dt, goal_layer=layer)
-    return jnp.mean(roll(engine, stacked, jnp.uint32(3), periods, lanes).held)
+    return jnp.mean(roll(engine, stacked, jnp.uint32(3), periods, lanes).excursion.survival_time)
 
 
 OPEN = HandDesign(

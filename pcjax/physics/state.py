@@ -20,7 +20,7 @@ PAPER_DT = 0.001
 
 
 class Watch(eqx.Module):
-    """What a stick's trial has come to so far.
+    """What a trial of something that turns has come to so far; zeros for a circle.
 
     Attributes:
         penetration: deepest it has been in its skin at the end of a step.
@@ -45,7 +45,7 @@ class State(eqx.Module):
         status: RUNNING, PASSED, or INVALID where the motion stopped being a finite number or went
             so far in one step that a limb could be stepped over: a circle by its radius; a stick by
             `LONGEST_TRAVEL` or `LARGEST_TURN`.
-        angle: a stick's angle from the palm, radians; None for a circle, and so are the next two.
+        angle: the object's angle from the palm, radians; a circle keeps that of its start, 0.
         spin: its angular velocity as seen from the ground.
         watch: see `Watch`.
     """
@@ -55,18 +55,16 @@ class State(eqx.Module):
     clock: Int[Array, ""]
     steps: Int[Array, ""]
     status: Int[Array, ""]
-    angle: Scalar | None = None
-    spin: Scalar | None = None
-    watch: Watch | None = None
+    angle: Scalar
+    spin: Scalar
+    watch: Watch
 
 
-def at_rest(position: Vec, angle: Scalar | None = None) -> State:
-    """The state at the start of a trial; a stick also has an angle."""
+def at_rest(position: Vec, angle: Scalar = 0.0) -> State:
+    """The state at the start of a trial."""
     zero, count = 0.0 * position.x, jnp.zeros((), jnp.int32)
-    state = State(position, Vec(zero, zero), count, count, count)
-    if angle is None:
-        return state
-    return replace(state, angle=angle + zero, spin=zero, watch=Watch(zero, zero, zero))
+    still, watch = Vec(zero, zero), Watch(zero, zero, zero)
+    return State(position, still, count, count, count, angle + zero, zero, watch)
 
 
 def judge(world: World, state: State, moved: Motion, safe: Flag) -> State:
@@ -88,10 +86,11 @@ def judge(world: World, state: State, moved: Motion, safe: Flag) -> State:
     if moved.carry is not None:
         velocity = where(passed, moved.relative(), velocity)
     verdict = jnp.where(safe, jnp.where(passed, PASSED, RUNNING), INVALID)
-    return State(
-        where(running, moved.position, state.position),
-        where(running, velocity, state.velocity),
-        state.clock + 1,
-        state.steps + running,
-        jnp.where(running, verdict, state.status),
+    return replace(
+        state,
+        position=where(running, moved.position, state.position),
+        velocity=where(running, velocity, state.velocity),
+        clock=state.clock + 1,
+        steps=state.steps + running,
+        status=jnp.where(running, verdict, state.status),
     )

@@ -15,7 +15,7 @@ from pcjax.physics.state import PAPER_DT, State, at_rest
 def begin(scenario: Scenario, draws: Float[Array, "3"]) -> State:
     """A trial's first state, from `scenario.draws_for_start` draws uniform on [0, 1)."""
     body: Any = scenario.body
-    return at_rest(scenario.start(draws), body.orientation if body.turns else None)
+    return at_rest(scenario.start(draws), body.orientation if body.turns else 0.0)
 
 
 def step(scenario: Scenario, swing: Any, state: State, dt: Scalar = PAPER_DT) -> State:

@@ -260,11 +260,11 @@ class Surrogate:
         out = run(
             scenarios, trials=self.trials, max_steps=self.task.max_steps, seed=seed, engine=engine
         )
-        if out.progress is None:
+        if out.excursion is None:
             held, end = out.steps * PAPER_DT, (out.status == LIMIT).astype(float)
         else:
-            held = out.progress[..., 2]
-            end = self._survival(out.progress[..., 0], scenarios)
+            held = out.excursion[..., 2]
+            end = self._survival(out.excursion[..., 0], scenarios)
         return np.stack([held, end], axis=1), out.status == INVALID
 
     def _sample_cloud(
@@ -287,8 +287,8 @@ class Surrogate:
                 engine=engine,
                 cloud=cloud,
             )
-            assert out.progress is not None
-            ends = [self._survival(out.progress[..., k], mine) for k in (1, 0)]
+            assert out.excursion is not None
+            ends = [self._survival(out.excursion[..., k], mine) for k in (1, 0)]
             values.append(np.stack(ends, axis=1))
             wrong.append(out.status == INVALID)
         return np.stack(values, axis=1), np.concatenate(wrong)
@@ -359,12 +359,11 @@ class Surrogate:
                 jnp.repeat(jnp.arange(count, dtype=jnp.int32), len(trials)),
                 jnp.tile(trials, count),
                 np.dtype(jnp.result_type(float)).type,
-                5 if self.task.body.turns else 0,
             )
             lanes = roll(engine, stacked, seed, self.periods, lanes)
             widths = _layer_widths(stacked.hand, self.goal_layer)
-            end = relaxed_survival(lanes.mark, widths[lanes.condition])
-            values.append(jnp.stack([lanes.held, end]).reshape(2, count, -1))
+            end = relaxed_survival(lanes.excursion.peak, widths[lanes.condition])
+            values.append(jnp.stack([lanes.excursion.survival_time, end]).reshape(2, count, -1))
         return jnp.moveaxis(jnp.concatenate(values, axis=1), 0, 1)
 
     def _survival(

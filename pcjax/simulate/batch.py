@@ -151,8 +151,7 @@ def run(
     ):
         ledger.on_end = bar.update
         jobs = [
-            pool.submit(work, ledger, advance, block, dtype, precision, device, 5 if turns else 0)
-            for device in crew
+            pool.submit(work, ledger, advance, block, dtype, precision, device) for device in crew
         ]
         try:
             done, _ = wait(jobs, return_when=FIRST_EXCEPTION)

@@ -42,8 +42,8 @@ from pcjax.model.scenario import World
 from pcjax.physics.contact.circle import Contact, two_nearest
 from pcjax.physics.response import Angle, impacts_in_turn, least_push
 from pcjax.physics.state import INVALID, PASSED, RUNNING
-from pcjax.simulate.lanes import Lanes, lane_axes, progress_of, with_progress
-from pcjax.simulate.relaxation import Layer, Progress
+from pcjax.simulate.lanes import Lanes, lane_axes
+from pcjax.simulate.relaxation import Excursion, Layer
 
 LONGEST_ARC = 0.05
 """Longest arc that one leap rolls over a limb's end, radians."""
@@ -84,7 +84,7 @@ class EventDriven:
 
     def seconds(self, lanes: Lanes, period: float) -> np.ndarray:
         """How long each trial has lasted, s."""
-        return lanes.period * period + lanes.time.astype(float)
+        return np.asarray(lanes.period) * period + np.asarray(lanes.time, float)
 
     def program(self, period: float) -> LeapingProgram:
         """What is compiled; the same for every period."""
@@ -107,44 +107,43 @@ class LeapingProgram(eqx.Module):
             drives, DRIFT * worlds.body.radius
         )
 
-        progress = progress_of(lanes)
+        excursions, state = lanes.excursion, lanes.state
         layers = Layer.all_of(worlds, self.goal_layer)
         if layers is not None:
             worlds = replace(worlds, goal=jax.vmap(Layer.farthest_goal)(layers))
 
         each = jax.vmap(leap, in_axes=(lane_axes(worlds), 0, 0, 0))
 
-        def one(carry: tuple[Flight, Progress], _: None) -> tuple[tuple[Flight, Progress], None]:
-            flights, progress = carry
+        def one(carry: tuple[Flight, Excursion], _: None) -> tuple[tuple[Flight, Excursion], None]:
+            flights, excursions = carry
             moved = each(worlds, swings, intervals, flights)
             if layers is not None:
                 time = moved.time - flights.time
-                progress = jax.vmap(Layer.follow_leap)(
-                    layers, progress, flights.position, moved.position, moved.velocity, time
+                excursions = jax.vmap(Layer.follow_leap)(
+                    layers, excursions, flights.position, moved.position, moved.velocity, time
                 )
                 moved = replace(
-                    moved, status=jax.vmap(Layer.verdict)(layers, moved.status, progress)
+                    moved, status=jax.vmap(Layer.verdict)(layers, moved.status, excursions)
                 )
-            return (moved, progress), None
+            return (moved, excursions), None
 
         flights = Flight(
-            Vec(lanes.x, lanes.y),
-            Vec(lanes.vx, lanes.vy),
+            state.position,
+            state.velocity,
             lanes.time,
-            jnp.where(lanes.time == 0, 0, lanes.steps),
-            lanes.status,
+            jnp.where(lanes.time == 0, 0, state.steps),
+            state.status,
         )
-        (flights, progress), _ = jax.lax.scan(one, (flights, progress), length=self.burst)
+        (flights, excursions), _ = jax.lax.scan(one, (flights, excursions), length=self.burst)
         spent = (flights.leaps >= self.budget) & (flights.status == RUNNING)
-        return with_progress(lanes, progress)._replace(
-            time=flights.time,
-            x=flights.position.x,
-            y=flights.position.y,
-            vx=flights.velocity.x,
-            vy=flights.velocity.y,
+        state = replace(
+            state,
+            position=flights.position,
+            velocity=flights.velocity,
             steps=flights.leaps,
             status=jnp.where(spent, INVALID, flights.status),
         )
+        return lanes._replace(time=flights.time, state=state, excursion=excursions)
 
 
 class Flight(eqx.Module):

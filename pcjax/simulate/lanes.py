@@ -8,64 +8,68 @@ from typing import Any, NamedTuple, Protocol
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Int
+from jaxtyping import Array, Float, Int, Int32
 
 from pcjax.geometry import Vec
 from pcjax.model.scenario import World
 from pcjax.physics.state import PASSED, RUNNING, State, Watch
-from pcjax.simulate.relaxation import Progress
+from pcjax.simulate.relaxation import Excursion
+
+Numbers = Float[Array, " lanes"]
+Counts = Int32[Array, " lanes"]
 
 
 class Lanes(NamedTuple):
-    """Trials under way: arrays of shape (lanes,), NumPy's between calls and JAX's within.
+    """Trials under way, as NumPy's arrays between calls and JAX's within.
 
     Attributes:
         condition, trial: which experiment.
         period: which period of the drive, from 0; -1 before the first.
         time: seconds of that period gone by; infinite before the first.
-        x, y, vx, vy: the object's position and velocity.
-        steps: steps or leaps that the engine has taken since the trial began.
+        state: where the trial is, at the start of a period if it is stepped; `steps` counts the
+            engine's steps or leaps, and the clock, which all lanes share, is 0 between calls.
         lag: seconds by which the trial passed before its last step's end.
-        status: RUNNING, PASSED or INVALID.
-        mark, first, held: how far the trial has come (`Progress`), where the goal is relaxed.
-        more: for a stick, of shape (lanes, 5): angle, spin and what `Watch` keeps; for a circle
-            (lanes, 0).
+        excursion: how far the trial has come, where the goal is relaxed.
     """
 
-    condition: Any
-    trial: Any
-    period: Any
-    time: Any
-    x: Any
-    y: Any
-    vx: Any
-    vy: Any
-    steps: Any
-    lag: Any
-    status: Any
-    mark: Any
-    first: Any
-    held: Any
-    more: Any
+    condition: Counts
+    trial: Counts
+    period: Counts
+    time: Numbers
+    state: State
+    lag: Numbers
+    excursion: Excursion
 
     @classmethod
-    def idle(cls, count: int, dtype: type, more: int = 0) -> Lanes:
+    def idle(cls, count: int, dtype: type) -> Lanes:
         """Lanes with nothing to do."""
-        whole = ("condition", "trial", "period", "steps", "status")
-        idle = cls(**{n: np.zeros(count, np.int32 if n in whole else dtype) for n in cls._fields})
-        idle.status[:] = PASSED
-        return idle._replace(more=np.zeros((count, more), dtype))
+
+        def real() -> Any:
+            return np.zeros(count, dtype)
+
+        def whole(value: int = 0, shape: tuple[int, ...] = (count,)) -> Any:
+            return np.full(shape, value, np.int32)
+
+        state = State(
+            position=Vec(real(), real()),
+            velocity=Vec(real(), real()),
+            clock=whole(shape=()),
+            steps=whole(),
+            status=whole(PASSED),
+            angle=real(),
+            spin=real(),
+            watch=Watch(real(), real(), real()),
+        )
+        excursion = Excursion(real(), real(), real())
+        return cls(whole(), whole(), whole(), real(), state, real(), excursion)
 
     @classmethod
     def fresh(
-        cls,
-        condition: Int[Array, " lanes"],
-        trial: Int[Array, " lanes"],
-        dtype: type,
-        more: int = 0,
+        cls, condition: Int[Array, " lanes"], trial: Int[Array, " lanes"], dtype: type
     ) -> Lanes:
         """Lanes whose trials are about to begin, for a compiled program."""
-        idle = cls.idle(len(trial), dtype, more)
+        idle = cls.idle(len(trial), dtype)
+        running = np.full_like(idle.condition, RUNNING)
         return jax.tree.map(
             jnp.asarray,
             idle._replace(
@@ -73,44 +77,9 @@ class Lanes(NamedTuple):
                 trial=trial,
                 period=idle.period - 1,
                 time=idle.time + np.inf,
-                status=np.full_like(idle.status, RUNNING),
+                state=replace(idle.state, status=running),
             ),
         )
-
-
-def states_of(lanes: Lanes) -> State:
-    """The states of lanes, at the start of a period."""
-    zero = jnp.zeros((), jnp.int32)
-    position, velocity = Vec(lanes.x, lanes.y), Vec(lanes.vx, lanes.vy)
-    states = State(position, velocity, zero, lanes.steps, lanes.status)
-    if lanes.more.shape[-1] == 0:
-        return states
-    angle, spin, *watch = (lanes.more[..., k] for k in range(5))
-    return replace(states, angle=angle, spin=spin, watch=Watch(*watch))
-
-
-def with_states(lanes: Lanes, states: State) -> Lanes:
-    """The lanes with those states in place of theirs."""
-    more = (states.angle, states.spin, states.watch)
-    return lanes._replace(
-        x=states.position.x,
-        y=states.position.y,
-        vx=states.velocity.x,
-        vy=states.velocity.y,
-        steps=states.steps,
-        status=states.status,
-        more=lanes.more if states.angle is None else jnp.stack(jax.tree.leaves(more), axis=-1),
-    )
-
-
-def progress_of(lanes: Lanes) -> Progress:
-    """How far the lanes have come."""
-    return Progress(lanes.mark, lanes.first, lanes.held)
-
-
-def with_progress(lanes: Lanes, progress: Progress) -> Lanes:
-    """The lanes with that progress in place of theirs."""
-    return lanes._replace(mark=progress.mark, first=progress.first, held=progress.held)
 
 
 def lane_axes(batch: Any) -> Any:

@@ -28,7 +28,8 @@ class Outcomes:
         status: PASSED, LIMIT or INVALID (`STATUS_NAMES`).
         max_steps: the step limit.
         watch: for sticks, what `Watch` keeps of each trial.
-        progress: where the goal is relaxed, the `Progress` of each trial: mark, first, held.
+        excursion: where the goal is relaxed, the `Excursion` of each trial: its peak, that of the
+            first period, and the survival time.
         final: if kept, where each trial was in the end: x, y, vx, vy.
     """
 
@@ -36,12 +37,12 @@ class Outcomes:
     status: UInt8[np.ndarray, "conditions trials"]
     max_steps: int
     watch: Float32[np.ndarray, "conditions trials 3"] | None = None
-    progress: Float[np.ndarray, "conditions trials 3"] | None = None
+    excursion: Float[np.ndarray, "conditions trials 3"] | None = None
     final: Float[np.ndarray, "conditions trials 4"] | None = None
 
     def put(self, conditions: Sequence[int], part: Outcomes) -> None:
         """Fills in the outcomes of some conditions, which were run on their own."""
-        for name in ("steps", "status", "watch", "progress", "final"):
+        for name in ("steps", "status", "watch", "excursion", "final"):
             whole = getattr(self, name)
             if whole is not None:
                 whole[conditions] = getattr(part, name)
@@ -61,7 +62,7 @@ class Outcomes:
 
         Arguments:
             watched: whether with a `watch`.
-            relaxed: whether with `progress`.
+            relaxed: whether with `excursion`.
             final: whether with `final`.
 
         Raises:

@@ -29,18 +29,18 @@ _BOOLE = ((0.0, 7 / 90), (0.25, 32 / 90), (0.5, 12 / 90), (0.75, 32 / 90), (1.0,
 """Boole's rule: places and weights."""
 
 
-class Progress(eqx.Module):
+class Excursion(eqx.Module):
     """How far a trial has come.
 
     Attributes:
-        mark: s*, the farthest that the centre has been past the goal line inside the channel.
-        first: what `mark` was at the end of the first period.
-        held: the integral of the relaxed survival over time, s.
+        peak: s*, the farthest that the centre has been past the goal line inside the channel.
+        first_peak: what `peak` was at the end of the first period.
+        survival_time: the integral of the relaxed survival over time, s.
     """
 
-    mark: Scalar
-    first: Scalar
-    held: Scalar
+    peak: Scalar
+    first_peak: Scalar
+    survival_time: Scalar
 
 
 class Layer(eqx.Module):
@@ -73,16 +73,16 @@ class Layer(eqx.Module):
         out = Vec(-along.y, along.x) * self.width
         return Goal(goal.a + out, goal.b + out)
 
-    def follow(self, before: Progress, end: Vec, time: Scalar) -> Progress:
-        """The progress at `end`, `time` seconds later: a step so short that S hardly changes."""
-        mark = self._marked(before.mark, end, self.channel.goal.beyond(end))
-        mean = 0.5 * (self.survival(before.mark) + self.survival(mark))
-        return Progress(mark, before.first, before.held + mean * time)
+    def follow(self, before: Excursion, end: Vec, time: Scalar) -> Excursion:
+        """The excursion at `end`, `time` seconds later: a step so short that S hardly changes."""
+        peak = self._peak(before.peak, end, self.channel.goal.beyond(end))
+        mean = 0.5 * (self.survival(before.peak) + self.survival(peak))
+        return Excursion(peak, before.first_peak, before.survival_time + mean * time)
 
     def follow_leap(
-        self, before: Progress, start: Vec, end: Vec, velocity: Vec, time: Scalar
-    ) -> Progress:
-        """The progress after a move of any length under constant acceleration.
+        self, before: Excursion, start: Vec, end: Vec, velocity: Vec, time: Scalar
+    ) -> Excursion:
+        """The excursion after a move of any length under constant acceleration.
 
         Arguments:
             before: at `start`.
@@ -99,39 +99,41 @@ class Layer(eqx.Module):
         # From `rises` on the layer is entered deeper than before, up to `top`.
         turns = moving & (first > 0) & (last < 0)
         top = jnp.where(turns, first / jnp.where(turns, -change, 1.0), seconds)
-        deepest = jnp.maximum(before.mark, -self.width)
+        deepest = jnp.maximum(before.peak, -self.width)
         rises = jnp.minimum(first_root(jnp.maximum(deepest - past, 0.0), -first, -change), top)
         back = top - seconds
         acceleration = (velocity - (end - start) * (1.0 / seconds)) * (2.0 / seconds)
         farthest = end + (velocity + acceleration * (0.5 * back)) * back
-        mark = self._marked(before.mark, farthest, past + (first + 0.5 * change * top) * top)
-        counts = mark > before.mark
-        held = self.survival(before.mark) * rises + self.survival(mark) * (seconds - top)
+        peak = self._peak(before.peak, farthest, past + (first + 0.5 * change * top) * top)
+        counts = peak > before.peak
+        held = self.survival(before.peak) * rises + self.survival(peak) * (seconds - top)
         for share, weight in _BOOLE:
             t = rises + share * (top - rises)
-            here = jnp.maximum(before.mark, past + (first + 0.5 * change * t) * t)
-            held = held + weight * (top - rises) * self.survival(jnp.minimum(here, mark))
-        held = jnp.where(counts, held, self.survival(before.mark) * seconds)
-        return Progress(mark, before.first, before.held + jnp.where(moving, held, 0.0))
+            here = jnp.maximum(before.peak, past + (first + 0.5 * change * t) * t)
+            held = held + weight * (top - rises) * self.survival(jnp.minimum(here, peak))
+        held = jnp.where(counts, held, self.survival(before.peak) * seconds)
+        return Excursion(
+            peak, before.first_peak, before.survival_time + jnp.where(moving, held, 0.0)
+        )
 
-    def _marked(self, mark: Scalar, point: Vec, past: Scalar) -> Scalar:
-        """The mark once a point that far past the goal line has been visited.
+    def _peak(self, peak: Scalar, point: Vec, past: Scalar) -> Scalar:
+        """The peak once a point that far past the goal line has been visited.
 
         Who has crossed the goal line is out of the hand; how far, then counts wherever it is.
         """
-        counts = self.channel.holds(point) | (mark > 0)
-        return jnp.where(counts, jnp.maximum(mark, past), mark)
+        counts = self.channel.holds(point) | (peak > 0)
+        return jnp.where(counts, jnp.maximum(peak, past), peak)
 
-    def verdict(self, status: Scalar, progress: Progress) -> Scalar:
+    def verdict(self, status: Scalar, excursion: Excursion) -> Scalar:
         """A trial's status: it ends once it is past the last line of the layer."""
-        return jnp.where((status == RUNNING) & (progress.mark >= self.width), PASSED, status)
+        return jnp.where((status == RUNNING) & (excursion.peak >= self.width), PASSED, status)
 
-    def survival(self, mark: Scalar) -> Scalar:
-        """S for a mark s*."""
-        return relaxed_survival(mark, self.width)
+    def survival(self, peak: Scalar) -> Scalar:
+        """S for a peak s*."""
+        return relaxed_survival(peak, self.width)
 
 
-def relaxed_survival(mark: Scalar, width: Scalar) -> Scalar:
-    """S = 1 - F(mark / width)."""
-    z = jnp.clip(0.5 * (mark / width + 1.0), 0.0, 1.0)
+def relaxed_survival(peak: Scalar, width: Scalar) -> Scalar:
+    """S = 1 - F(peak / width)."""
+    z = jnp.clip(0.5 * (peak / width + 1.0), 0.0, 1.0)
     return 1.0 - z * z * z * (z * (6.0 * z - 15.0) + 10.0)

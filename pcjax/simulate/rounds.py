@@ -13,8 +13,8 @@ from pcjax.physics.state import RUNNING
 from pcjax.physics.step import begin
 from pcjax.simulate.cloud import Cloud
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
-from pcjax.simulate.lanes import Engine, Lanes, Program, lane_axes, with_progress, with_states
-from pcjax.simulate.relaxation import NOWHERE, Progress
+from pcjax.simulate.lanes import Engine, Lanes, Program, lane_axes
+from pcjax.simulate.relaxation import NOWHERE, Excursion
 
 
 def advance_block(
@@ -36,7 +36,7 @@ def advance_block(
     def next_period(scenario: Scenario, lane: Lanes, start: Cloud | None) -> tuple[Lanes, Any]:
         drive = scenario.drive
         over = (lane.time >= drive.period) & (lane.period < last_period)
-        over = over & (lane.status == RUNNING)
+        over = over & (lane.state.status == RUNNING)
         period = lane.period + over
         key = trial_key(seed, lane.trial)
         fresh = over & (period == 0)
@@ -44,14 +44,18 @@ def advance_block(
             state = begin(scenario, start_draws(key, scenario.draws_for_start))
         else:
             state = start.state_in(scenario)
-        zero = jnp.zeros_like(lane.held)
-        first = with_progress(with_states(lane, state), Progress(zero + NOWHERE, zero, zero))
-        lane = jax.tree.map(lambda new, old: jnp.where(fresh, new, old), first, lane)
+        none = jnp.zeros_like(lane.time)
+        first = state, Excursion(none + NOWHERE, none, none)
+        state, excursion = jax.tree.map(
+            lambda new, old: jnp.where(fresh, new, old), first, (lane.state, lane.excursion)
+        )
+        ends_first = over & (period == 1)
+        peak = jnp.where(ends_first, excursion.peak, excursion.first_peak)
         lane = lane._replace(
             period=period,
             time=jnp.where(over, 0.0, lane.time),
-            status=jnp.where(over, RUNNING, lane.status),
-            first=jnp.where(over & (period == 1), lane.mark, lane.first),
+            state=replace(state, clock=lane.state.clock),  # which stays the same for all lanes
+            excursion=replace(excursion, first_peak=peak),
         )
         before = period_draws(key, jnp.maximum(period - 1, 0), drive.targets_per_period)
         draws = period_draws(key, period, drive.targets_per_period)
@@ -60,7 +64,9 @@ def advance_block(
         return lane, drive.swing(before, draws, (period == 0) & (start is None))
 
     def round(_: Any, lanes: Lanes) -> Lanes:
-        lanes, swings = jax.vmap(next_period, in_axes=(axes, 0, 0))(scenarios, lanes, starts)
+        each = lane_axes(lanes)
+        begun = jax.vmap(next_period, in_axes=(axes, each, 0), out_axes=(each, 0))
+        lanes, swings = begun(scenarios, lanes, starts)
         return program.run(worlds, swings, lanes)
 
     if program.rounds == 1:
@@ -92,7 +98,7 @@ def roll(
 
     def going(lanes: Lanes) -> jax.Array:
         over = (lanes.period >= periods - 1) & (lanes.time >= stacked.drive.period)
-        return jnp.any((lanes.status == RUNNING) & ~over)
+        return jnp.any((lanes.state.status == RUNNING) & ~over)
 
     def advance(lanes: Lanes) -> Lanes:
         return advance_block(

@@ -21,12 +21,8 @@ from pcjax.simulate.draws import period_draws, start_draws, trial_key
 from pcjax.simulate.lanes import (
     Lanes,
     lane_axes,
-    progress_of,
-    states_of,
-    with_progress,
-    with_states,
 )
-from pcjax.simulate.relaxation import Layer, Progress
+from pcjax.simulate.relaxation import Excursion, Layer
 
 _CHUNK = 50
 """Steps between two looks at whether anybody in the batch is still under way."""
@@ -66,7 +62,7 @@ class Stepping:
 
     def seconds(self, lanes: Lanes, period: float) -> np.ndarray:
         """How long each trial has lasted, s."""
-        return lanes.steps * self.step_taken(period) - lanes.lag
+        return np.asarray(lanes.state.steps) * self.step_taken(period) - np.asarray(lanes.lag)
 
     def program(self, period: float) -> SteppingProgram:
         """What is compiled, for periods of `period` seconds."""
@@ -97,7 +93,7 @@ class SteppingProgram(eqx.Module):
     def run(self, worlds: World, swings: Any, lanes: Lanes) -> Lanes:
         """Takes a batch of trials, each at its start, through one period of their drives."""
         dt = jnp.asarray(self.dt, jnp.result_type(worlds.body.radius))
-        states = states_of(lanes)
+        states = lanes.state
         axes = lane_axes(states)
         step_all = jax.vmap(
             lambda world, swing, state: advance(world, swing, state, dt),
@@ -105,34 +101,36 @@ class SteppingProgram(eqx.Module):
             out_axes=axes,
         )
 
-        progress = progress_of(lanes)
+        excursions = lanes.excursion
         layers = Layer.all_of(worlds, self.goal_layer)
         if layers is not None:
             worlds = replace(worlds, goal=jax.vmap(Layer.farthest_goal)(layers))
 
-        def one(carry: tuple[State, Progress], _: None) -> tuple[tuple[State, Progress], None]:
-            states, progress = carry
+        def one(carry: tuple[State, Excursion], _: None) -> tuple[tuple[State, Excursion], None]:
+            states, excursions = carry
             moved = step_all(worlds, swings, states)
             if layers is not None:
                 time = jnp.where(states.status == RUNNING, dt, 0.0)
-                progress = jax.vmap(Layer.follow)(layers, progress, moved.position, time)
+                excursions = jax.vmap(Layer.follow)(layers, excursions, moved.position, time)
                 moved = replace(
-                    moved, status=jax.vmap(Layer.verdict)(layers, moved.status, progress)
+                    moved, status=jax.vmap(Layer.verdict)(layers, moved.status, excursions)
                 )
-            return (moved, progress), None
+            return (moved, excursions), None
 
-        def chunk(carry: tuple[Array, State, Progress]) -> tuple[Array, State, Progress]:
-            count, states, progress = carry
-            (states, progress), _ = jax.lax.scan(one, (states, progress), length=self.chunk)
-            return count + 1, states, progress
+        def chunk(carry: tuple[Array, State, Excursion]) -> tuple[Array, State, Excursion]:
+            count, states, excursions = carry
+            (states, excursions), _ = jax.lax.scan(one, (states, excursions), length=self.chunk)
+            return count + 1, states, excursions
 
-        def unfinished(carry: tuple[Array, State, Progress]) -> Array:
+        def unfinished(carry: tuple[Array, State, Excursion]) -> Array:
             count, states, _ = carry
             return (count < self.chunks) & jnp.any(states.status == RUNNING)
 
         zero = jnp.zeros((), jnp.int32)
-        _, states, progress = jax.lax.while_loop(unfinished, chunk, (zero, states, progress))
-        return with_progress(with_states(lanes, states), progress)._replace(
+        _, states, excursions = jax.lax.while_loop(unfinished, chunk, (zero, states, excursions))
+        return lanes._replace(
+            state=with_clock_at_zero(states),
+            excursion=excursions,
             time=jnp.broadcast_to(worlds.drive.period, lanes.time.shape).astype(lanes.time.dtype),
             lag=jax.vmap(lag_of, in_axes=(lane_axes(worlds), axes, None))(worlds, states, dt),
         )

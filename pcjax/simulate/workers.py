@@ -70,15 +70,18 @@ class Ledger:
 
         A worker with less than half a block left and nothing waiting hands its trials to another.
         """
+        status = np.asarray(lanes.state.status)
         with self._lock:
-            free = np.flatnonzero(lanes.status != RUNNING)
+            free = np.flatnonzero(status != RUNNING)
             while self._suspended and len(free):
                 waiting = self._suspended.pop()
                 count = min(len(free), len(waiting.trial))
-                for mine, theirs in zip(lanes, waiting, strict=True):
-                    mine[free[:count]] = theirs[:count]
+                theirs = jax.tree.leaves(_some(waiting, np.arange(count)))
+                for mine, other in zip(jax.tree.leaves(lanes), theirs, strict=True):
+                    _put(mine, free[:count], other)
                 if count < len(waiting.trial):
-                    self._suspended.append(Lanes(*(a[count:] for a in waiting)))
+                    rest = np.arange(count, len(waiting.trial))
+                    self._suspended.append(_some(waiting, rest))
                 free = free[count:]
             count = min(len(free), self._outcomes.steps.size - self._next)
             fresh = self._next + np.arange(count)
@@ -86,41 +89,45 @@ class Ledger:
             into = free[:count]
             # All conditions of one trial follow each other: they end at different times, so a
             # block keeps a mixture of short and long trials.
-            row, lanes.condition[into] = np.divmod(fresh, len(self._outcomes.steps))
-            lanes.trial[into] = self._first + row
-            lanes.period[into] = -1
-            lanes.time[into] = np.inf
-            lanes.status[into] = RUNNING
-            running = np.flatnonzero(lanes.status == RUNNING)
+            row, condition = np.divmod(fresh, len(self._outcomes.steps))
+            _put(lanes.condition, into, condition)
+            _put(lanes.trial, into, self._first + row)
+            _put(lanes.period, into, -1)
+            _put(lanes.time, into, np.inf)
+            _put(status, into, RUNNING)
+            running = np.flatnonzero(status == RUNNING)
             if len(running) > len(lanes.trial) // 2 or self._busy == 1:
                 return len(running) > 0
             if len(running):
-                self._suspended.append(Lanes(*(a[running] for a in lanes)))
+                self._suspended.append(_some(lanes, running))
             self._busy -= 1
             return False
 
     def collect(self, lanes: Lanes, ran: np.ndarray) -> None:
         """Takes down which of the trials that `ran` in the last call have ended."""
+        state, status = lanes.state, np.asarray(lanes.state.status)
         seconds = self._engine.seconds(lanes, self._period)
         steps = paper_steps(seconds)
-        late = (lanes.status == PASSED) & (steps > self._max_steps)
+        late = (status == PASSED) & (steps > self._max_steps)
         all_over = (lanes.period >= self.last_period) & (lanes.time >= self._period)
-        out_of_time = (lanes.status == RUNNING) & all_over
-        lanes.status[ran & (late | out_of_time)] = LIMIT
+        out_of_time = (status == RUNNING) & all_over
+        status[ran & (late | out_of_time)] = LIMIT
         self._look_after(lanes, np.flatnonzero(ran & out_of_time))
-        ended = np.flatnonzero(ran & (lanes.status != RUNNING))
+        ended = np.flatnonzero(ran & (status != RUNNING))
         where_to = lanes.condition[ended], lanes.trial[ended] - self._first
         with self._lock:
-            self._outcomes.status[where_to] = lanes.status[ended]
+            self._outcomes.status[where_to] = status[ended]
             self._outcomes.steps[where_to] = np.minimum(steps[ended], self._max_steps)
             if self._outcomes.watch is not None:
-                self._outcomes.watch[where_to] = lanes.more[ended, 2:]
-            if self._outcomes.progress is not None:
-                first = np.where(lanes.period == 0, lanes.mark, lanes.first)
-                progress = np.stack([lanes.mark, first, lanes.held], axis=-1)
-                self._outcomes.progress[where_to] = progress[ended]
+                watch = np.stack(jax.tree.leaves(state.watch), axis=-1)
+                self._outcomes.watch[where_to] = watch[ended]
+            if self._outcomes.excursion is not None:
+                far = lanes.excursion
+                first = np.where(lanes.period == 0, far.peak, far.first_peak)
+                excursion = np.stack([far.peak, first, far.survival_time], axis=-1)
+                self._outcomes.excursion[where_to] = excursion[ended]
             if self._outcomes.final is not None:
-                final = np.stack([lanes.x, lanes.y, lanes.vx, lanes.vy], axis=-1)
+                final = np.stack(jax.tree.leaves((state.position, state.velocity)), axis=-1)
                 self._outcomes.final[where_to] = final[ended]
             self.on_end(len(ended))
 
@@ -129,9 +136,19 @@ class Ledger:
         if self._regions is None or len(held) == 0:
             return
         condition = lanes.condition[held]
-        points = np.stack([lanes.x[held], lanes.y[held]], axis=-1).astype(float)
-        outside = _how_far_outside(points, self._regions[condition])
-        lanes.status[held[outside > _STRAY * self._radii[condition]]] = INVALID
+        points = np.stack(jax.tree.leaves(lanes.state.position), axis=-1)[held]
+        outside = _how_far_outside(points.astype(float), self._regions[condition])
+        _put(lanes.state.status, held[outside > _STRAY * self._radii[condition]], INVALID)
+
+
+def _put(array: Any, where: np.ndarray, values: Any) -> None:
+    """Writes into an array of lanes; what all lanes share stays."""
+    if array.ndim:
+        array[where] = values
+
+
+def _some(lanes: Lanes, chosen: np.ndarray) -> Lanes:
+    return jax.tree.map(lambda leaf: leaf[chosen] if leaf.ndim else leaf, lanes)
 
 
 _STRAY = 0.01
@@ -175,15 +192,14 @@ def work(
     dtype: type,
     precision: int,
     device: Any,
-    more: int,
 ) -> None:
-    lanes = Lanes.idle(block, dtype, more)
+    lanes = Lanes.idle(block, dtype)
     ledger.enter()
     with jax.enable_x64(precision == 64), jax.default_device(device):
         while not ledger.stopped.is_set() and ledger.fill(lanes):
-            ran = lanes.status == RUNNING
+            ran = np.asarray(lanes.state.status) == RUNNING
             moved = jax.device_get(advance(lanes=lanes))
-            lanes = Lanes(*(np.array(leaf) for leaf in moved))
+            lanes = jax.tree.map(np.array, moved)
             ledger.collect(lanes, ran)
 
 

@@ -141,9 +141,6 @@ def move_stick(
     body: Stick, world: World, state: State, free: Motion, dt: Scalar, one: Scalar
 ) -> State:
     """A step's contact of a stick: its turning, and what it touches."""
-    assert state.angle is not None
-    assert state.spin is not None
-    assert state.watch is not None
     half, skin = body.half_length, body.skin
     # Nothing turns the stick between impacts; the hand turns steadily.
     carried = 0.0 if free.carry is None else free.carry.spin
