@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import functools
 import math
-import operator
 from itertools import pairwise
 from typing import Any
 
@@ -25,7 +23,9 @@ from pcjax.geometry import (
     closest_pair,
     closest_points,
     cut_through,
+    segment_between,
     segments_cross,
+    stacked,
     unit_and_length,
     where,
 )
@@ -159,7 +159,8 @@ class HandDesign(eqx.Module):
 
     def narrowest_passage(self) -> tuple[Vec, Vec]:
         """The points of finger 1 and finger 2 that are closest to each other."""
-        return closest_pair([closest_points(a, b) for a in self.finger(0) for b in self.finger(1)])
+        pairs = [(a, b) for a in self.finger(0) for b in self.finger(1)]
+        return closest_pair(closest_points(*stacked(pairs)))
 
     def crossings(self) -> dict[tuple[str, str], Flag]:
         """For each pair of limbs that do not share a joint, whether they cross."""
@@ -167,12 +168,15 @@ class HandDesign(eqx.Module):
         n1 = len(self.lengths[0])
         joined = {(0, 1), (0, n1 + 1)}
         joined |= set(pairwise(range(1, n1 + 1))) | set(pairwise(range(n1 + 1, len(chains))))
-        return {
-            (names[i], names[j]): segments_cross(chains[i], chains[j])
+        apart = [
+            (i, j)
             for i in range(len(chains))
             for j in range(i + 1, len(chains))
             if (i, j) not in joined
-        }
+        ]
+        first, second = stacked([(chains[i], chains[j]) for i, j in apart])
+        crossed = jnp.asarray(segments_cross(first, second))
+        return {(names[i], names[j]): crossed[k] for k, (i, j) in enumerate(apart)}
 
     def limb_names(self) -> tuple[str, ...]:
         """A readable name for each of `limbs()`."""
@@ -200,10 +204,8 @@ class HandDesign(eqx.Module):
     def blocked_goal(self) -> Flag:
         """Whether a limb cuts through the goal line."""
         goal = self.goal()
-        tangent, length = unit_and_length(goal.b - goal.a)
-        line = Segment(goal.a, tangent, length)
-        found = [cut_through(line, limb) for limb in self.limbs()]
-        return functools.reduce(operator.or_, found)
+        line = segment_between(goal.a, goal.b)
+        return jnp.any(cut_through(line, stacked(self.limbs())), axis=0)
 
     def with_fingertips_mirrored(self) -> HandDesign:
         """The hand for EoEn (Fig. 8(b)): both fingertips mirrored across the line through their

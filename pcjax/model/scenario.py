@@ -20,7 +20,8 @@ from pcjax.geometry import (
     Vec,
     cut_through,
     is_inside,
-    unit_and_length,
+    segment_between,
+    stacked,
 )
 from pcjax.model.bodies.base import Body
 from pcjax.model.contact import ContactLaw
@@ -143,22 +144,15 @@ class Scenario(eqx.Module):
 
     def fit(self) -> Fit:
         """Whether its starts are where they have to be; for numbers that may be traced."""
-        boxes = [
-            [
-                self.start(jnp.array([end, along, up]))
-                for along, up in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
-            ]
-            for end in (0.0, 0.9)
-        ]
-        limbs = self.hand.limbs()
-        goal = self.hand.goal()
-        region = self.hand.region()
-        least, outside = jnp.inf, jnp.asarray(False)
-        for corners in boxes:
-            for limb in limbs:
-                least = jnp.minimum(least, _distance_to_box(limb.start, limb.end, corners))
-            crossed = _distance_to_box(goal.a, goal.b, corners) <= 0.0
-            outside = outside | crossed | jnp.logical_not(is_inside(region, corners[0]))
+        corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+        draws = jnp.array([[[end, *corner] for end in (0.0, 0.9)] for corner in corners])
+        boxes = jax.vmap(jax.vmap(self.start))(draws)
+        boxes = [jax.tree.map(lambda x, k=k: x[k], boxes) for k in range(len(corners))]
+        goal, region = self.hand.goal(), self.hand.region()
+        each = jax.vmap(_distance_to_box, (0, None))
+        least = jnp.min(jax.vmap(each, (None, 0))(stacked(self.hand.limbs()), boxes))
+        crossed = jax.vmap(_distance_to_box, (None, 0))(segment_between(goal.a, goal.b), boxes)
+        outside = jnp.any((crossed <= 0.0) | jnp.logical_not(is_inside(region, boxes[0])))
         return Fit(least - self.body.radius, outside)
 
 
@@ -186,18 +180,15 @@ class Fit(eqx.Module):
     outside: Flag
 
 
-def _distance_to_box(start: Vec, end: Vec, corners: Sequence[Vec]) -> Scalar:
+def _distance_to_box(segment: Segment, corners: Sequence[Vec]) -> Scalar:
     """Distance from a segment to a filled parallelogram; 0 where they meet."""
-    tangent, length = unit_and_length(end - start)
-    segment = Segment(start, tangent, length)
-    least, cut = jnp.inf, is_inside(corners, start) | is_inside(corners, end)
+    least, cut = jnp.inf, is_inside(corners, segment.start) | is_inside(corners, segment.end)
     for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
-        tangent, length = unit_and_length(b - a)
-        edge = Segment(a, tangent, length)
+        edge = segment_between(a, b)
         for distance in (
             segment.distance(a),
-            edge.distance(start),
-            edge.distance(end),
+            edge.distance(segment.start),
+            edge.distance(segment.end),
         ):
             least = jnp.minimum(least, distance)
         cut = cut | cut_through(segment, edge)
