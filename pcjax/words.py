@@ -28,3 +28,11 @@ def did_you_mean(word: str, names: Iterable[str]) -> str:
     """Asks "did you mean NAME? " for the nearest of the names; empty if none is near."""
     near = difflib.get_close_matches(word, list(names), 1, cutoff=0.6)
     return f"did you mean {near[0]}? " if near else ""
+
+
+_SPELT = {"\u00b1": "+-", "\u00b0": " deg", "\u2212": "-", "\u00d7": "x", "\u2026": "..."}
+
+
+def in_ascii(text: str) -> str:
+    """The text as a terminal prints it that knows no letters but ASCII."""
+    return "".join(c if c.isascii() else _SPELT.get(c, "?") for c in text)

@@ -28,9 +28,10 @@ from pcjax.cli import main
 from pcjax.cli.compilation_cache import SealedCache
 from pcjax.design.optimize import Progress, Step, _keep, _load
 from pcjax.results.files import locked, unsealed
+from pcjax.results.provenance import conditions, provenance
 from pcjax.results.reading import load_dataset
 from pcjax.results.saving import save_dataset
-from pcjax.results.schema import provenance
+from pcjax.results.schema import dataset_of
 from pcjax.simulate.outcomes import Outcomes
 from pcjax.study.read import EXAMPLE, load_study
 from pcjax.study.spec import Run, Study, Sweep
@@ -143,9 +144,28 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert content is not None
     (folder / "old.nc").write_bytes(content)
     save_dataset(load_dataset(old), folder / "figure.nc")
-    score = xr.DataArray(np.ones((2, 2)), {"radius": [1.0, 2.0], "gap_width": [3.0, 4.0]})
-    save_dataset(xr.Dataset({"score": score}, attrs=provenance({"hands": 4})), folder / "map.nc")
+    save_dataset(made_up_map(), folder / "map.nc")
     return folder
+
+
+def made_up_map() -> xr.Dataset:
+    """A map of four hands."""
+    told = {"objective": "index1", "score_name": "DoEs by index1", "hands": 4, "invalid": 0}
+    told |= {"seed": 3, "engine": "event", "precision": 32, "max_steps": 5000, "trials": 20}
+    told |= {"object_width": 50.0, "wall_seconds": 0.5}
+    scenario = pcjax.does(STUDY.hand, STUDY.body)
+    return dataset_of(
+        "map",
+        {
+            "score": np.arange(16.0).reshape(2, 2, 1, 4),
+            "gap": np.full((2, 2), 200.0),
+            "full_cage": np.zeros((2, 2), bool),
+            "possible": np.ones((2, 2), bool),
+        },
+        {"radius": [1.0, 2.0], "gap_width": [3.0, 4.0], "index": ["index1"]},
+        provenance(told) | conditions({"does": scenario}),
+        place=("radius", "gap_width"),
+    )
 
 
 KINDS = ("sweep", "evaluation", "figure", "map")
@@ -213,9 +233,9 @@ def test_what_no_result_can_hold_is_refused_by_show(
     ("kind", "name"),
     [
         (kind, name)
-        for kind in ("sweep", "evaluation", "figure")
-        for name in ("max_steps", "seed", "engine", "direction", "gap")
-        if (kind, name) != ("figure", "direction")
+        for kind in KINDS
+        for name in ("max_steps", "seed", "engine", "direction", "gap", "law", "parameters")
+        if name != "direction" or kind in ("sweep", "evaluation")
     ],
 )
 def test_what_a_result_lacks_is_said(kind: str, name: str, kept: Path, tmp_path: Path) -> None:
@@ -225,7 +245,7 @@ def test_what_a_result_lacks_is_said(kind: str, name: str, kept: Path, tmp_path:
     else:
         del data.attrs[name]
     save_dataset(data, tmp_path / "lacks.nc")
-    with pytest.raises(ValueError, match=rf"lacks.nc is no result .* {name}|directions are not"):
+    with pytest.raises(ValueError, match=rf"lacks.nc is no result .* {name}"):
         load_dataset(tmp_path / "lacks.nc")
 
 
@@ -254,8 +274,14 @@ def test_a_declared_size_is_not_allocated(kept: Path, tmp_path: Path) -> None:
         load_dataset(path)
 
 
-def test_a_map_is_not_shown(kept: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "no evaluation, sweep, map" in refused(["show", str(kept / "map.nc")], capsys)
+def test_what_is_no_kind_of_result_is_refused(
+    kept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = xr.Dataset({"score": ("radius", [1.0])}, attrs=provenance({}))
+    save_dataset(other, tmp_path / "other.nc")
+    assert "none of an evaluation of one hand, a sweep" in refused(
+        ["show", str(tmp_path / "other.nc")], capsys
+    )
 
 
 # --------------------------------------------------------------------------------------- parts

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from pcjax.paper import constants as paper
 from pcjax.paper.claims import FIGURES_NEEDED, IN_PART, NOT, REPRODUCED, judge_claims
 from pcjax.paper.figures import curve, run_figure, score_curve
 from pcjax.paper.pictures import plot_figure
+from pcjax.results.schema import STATISTICS
 
 RUN = {"trials": 60, "max_steps": 40_000, "seed": 3}
 
@@ -62,10 +63,11 @@ def test_settings_are_the_papers(grid: xr.Dataset) -> None:
     assert grid.sizes["condition"] == 48
     assert set(grid.radius.values) == {0.01, 0.05, 0.1}
     assert set(grid.direction.values) == {"does", "eoen"}
-    assert np.all(grid["count"].sum("status") == RUN["trials"])
+    assert np.all(grid["count"].sum("status_name") == RUN["trials"])
     shut = grid.gap.values < 2 * grid.radius.values * 500 * (1 - 1e-9)
-    assert np.all(grid.index2.values[shut] == 1.0)
-    assert np.all(grid.index2.values[~shut & (grid.angle.values < 20)] < 1.0)
+    index2 = grid.index2.sel(statistic="value").values
+    assert np.all(index2[shut] == 1.0)
+    assert np.all(index2[~shut & (grid.angle.values < 20)] < 1.0)
 
 
 def test_unknown_figure_is_refused() -> None:
@@ -93,19 +95,31 @@ def synthetic(name: str, index1: dict, index2: object = None, se: float = 1e-3) 
     gap = [1e9 for _ in rows]
     return xr.Dataset(
         {
-            "index1": ("condition", one),
-            "index2": ("condition", two),
-            "covariance": (("estimate", "estimate_2", "condition", "condition_2"), covariance),
+            "index1": (("condition", "statistic"), estimates(one)),
+            "index2": (("condition", "statistic"), estimates(two)),
+            "covariance": (("index", "index_2", "condition", "condition_2"), covariance),
             "gap": ("condition", gap),
+            "object_width": ("condition", [2 * 500 * row[2] for row in rows]),
             "dt": ("condition", [0.01] * n),
         },
         coords={
-            label: ("condition", list(column))
-            for label, column in zip(
-                ("direction", "gap_width", "radius", "angle"), zip(*rows, strict=True), strict=True
-            )
+            "statistic": list(STATISTICS),
+            **{
+                label: ("condition", list(column))
+                for label, column in zip(
+                    ("direction", "gap_width", "radius", "angle"),
+                    zip(*rows, strict=True),
+                    strict=True,
+                )
+            },
         },
     )
+
+
+def estimates(values: Sequence[float]) -> np.ndarray:
+    """Values without errors, along `statistic`."""
+    missing = [math.nan] * (len(STATISTICS) - 1)
+    return np.array([[value, *missing] for value in values])
 
 
 def papers_world(**changes: object) -> dict[str, xr.Dataset]:
@@ -162,14 +176,15 @@ def arm_data(name: str, index1: Callable[[float, float, float], float]) -> xr.Da
     first, second, orientation = zip(*rows, strict=True)
     return xr.Dataset(
         {
-            "index1": ("condition", [index1(*row) for row in rows]),
-            "index2": ("condition", np.zeros(n)),
-            "covariance": (("estimate", "estimate_2", "condition", "condition_2"), covariance),
+            "index1": (("condition", "statistic"), estimates([index1(*row) for row in rows])),
+            "index2": (("condition", "statistic"), estimates([0.0] * n)),
+            "covariance": (("index", "index_2", "condition", "condition_2"), covariance),
             "gap": ("condition", widths),
             "object_width": ("condition", np.zeros(n) if name == "17" else np.full(n, 100.0)),
             "dt": ("condition", np.full(n, 0.02)),
         },
         coords={
+            "statistic": list(STATISTICS),
             "direction": ("condition", ["does"] * n),
             "theta_1": ("condition", list(first)),
             "theta_2": ("condition", list(second)),
@@ -278,10 +293,10 @@ def test_figure_15_shows_figures_13_and_14() -> None:
             first, second = float(one.theta_1[k]), float(one.theta_2[k])
             same = (both.theta_1 == first) & (both.theta_2 == second)
             assert int(same.sum()) == 1
-            assert float(both.index1[same][0]) == float(one.index1[k])
+            assert both.index1[same].values[0].tolist() == one.index1[k].values.tolist()
             assert float(both.width[same][0]) == pytest.approx(width_of(first, second))
     shut = both.gap.values < 100
-    assert np.all(both.index2.values[shut] == 1.0)
+    assert np.all(both.index2.sel(statistic="value").values[shut] == 1.0)
 
 
 def test_claims_need_all_their_figures() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
+from dataclasses import astuple, replace
 from pathlib import Path
 
 import matplotlib.image
@@ -39,13 +39,12 @@ def space(
 def test_a_maps_scores_are_compares() -> None:
     where = space()
     data = pcjax.score_map(surrogate(), where, (4, 2), seed=5)
-    assert data.score.dims == ("gap_width", "fingertip_angle_deg")
+    assert data.score.dims == ("gap_width", "fingertip_angle_deg", "index", "statistic")
     designs = [np.array([10.0, 200.0]), np.array([-20.0, 50.0])]
     found = compare(surrogate(), where, designs, trials=30, seed=5)
     for (x, y), score in zip(designs, found.scores, strict=True):
         at = data.sel(fingertip_angle_deg=x, gap_width=y)
-        assert float(at.score) == pytest.approx(score.value, rel=1e-9)
-        assert float(at.se) == pytest.approx(score.se, rel=1e-9)
+        assert at.score.sel(index="index1").values == pytest.approx(astuple(score), rel=1e-9)
     # The base hand is on the grid, and told by itself as well.
     assert data.attrs["current_score"] == pytest.approx(found.scores[0].value, rel=1e-9)
     counted = pcjax.evaluate(HAND, CIRCLE, trials=30, max_steps=20_000, seed=5)
@@ -63,17 +62,21 @@ def test_hands_without_a_score_are_those_that_are_closed_or_cannot_be() -> None:
                 gap, _ = (check_geometry(make(hand, CIRCLE)) for make in (pcjax.does, pcjax.eoen))
             except ValueError:
                 assert not at.possible
-                assert np.isnan(at.score)
+                assert np.isnan(at.score).all()
                 continue
             assert at.possible
             assert float(at.gap) == pytest.approx(gap, rel=1e-9)
             # Tips that tilt inwards by t leave W_g - 2 L_g sin t.
             expected = min(y, y - 200 * math.sin(math.radians(x)))
             assert float(at.gap) == pytest.approx(expected, abs=1e-6)
-            assert bool(at.full_cage) == (gap < 50 * (1 - 1e-9)) == bool(np.isnan(at.score))
+            assert (
+                bool(at.full_cage)
+                == (gap < 50 * (1 - 1e-9))
+                == bool(np.isnan(at.score.values[0, 0]))
+            )
     assert data.full_cage.any()
     assert not data.possible.all()
-    assert data.attrs["hands"] == int(np.isfinite(data.score).sum())
+    assert data.attrs["hands"] == int(np.isfinite(data.score.sel(statistic="value")).sum())
 
 
 def test_the_hatched_region_ends_where_the_gap_is_the_objects_width() -> None:

@@ -189,9 +189,23 @@ def test_a_result_can_be_repeated_from_its_file_alone(run: pcjax.Evaluation, tmp
         precision=int(kept.attrs["precision"]),
     ).dataset
     xr.testing.assert_equal(again, kept)
-    changing = {"created", "wall_seconds", "dt"}
+    changing = {"created", "wall_seconds", "dt", "study"}  # which asked for engine "auto"
     for name in kept.attrs.keys() - changing:
         assert again.attrs[name] == kept.attrs[name], name
+
+
+def test_a_result_holds_its_study(run: pcjax.Evaluation, tmp_path: Path):
+    (tmp_path / "study.toml").write_text(run.dataset.attrs["study"], encoding="utf-8")
+    study = pcjax.load_study(tmp_path / "study.toml")
+    assert study.hand.lengths == LENGTHS
+    assert study.run.seed == SETTINGS["seed"]
+    kinds = {part: run.dataset.attrs[part] for part in ("hand", "body", "drive", "law")}
+    assert kinds == {
+        "hand": "HandDesign",
+        "body": "Circle",
+        "drive": "WristTilt",
+        "law": "ContactLaw",
+    }
 
 
 # ------------------------------------------------------------------------------- failed writes

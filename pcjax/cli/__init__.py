@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from typing import Any, NoReturn
 
 from pcjax.cli.parser import HelpFormatter, NegativeNumber, Parser, Terminated, fail
-from pcjax.words import InputWarning, package_version
+from pcjax.words import InputWarning, in_ascii, package_version
 
 COMMANDS = {
     "inspect": ("inspect", "look at a study before trials are spent on it"),
@@ -80,16 +80,12 @@ def _write_in_any_encoding() -> None:
 
     def spelt(error: UnicodeError) -> tuple[str, int]:
         assert isinstance(error, UnicodeEncodeError)
-        lacking = error.object[error.start : error.end]
-        return "".join(_SPELT.get(letter, "?") for letter in lacking), error.end
+        return in_ascii(error.object[error.start : error.end]), error.end
 
     codecs.register_error("pcjax", spelt)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="pcjax")
-
-
-_SPELT = {"\u00b1": "+-", "\u00b0": " deg", "\u2212": "-", "\u00d7": "x", "\u2026": "..."}
 
 
 @contextmanager

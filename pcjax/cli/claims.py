@@ -36,7 +36,7 @@ def _run(arguments: argparse.Namespace) -> None:
         else:
             figures[name] = _load_figure(arguments.results / f"fig{name}.nc", name)
     for claim in judge_claims(figures):
-        print(f"{claim.number}. {claim.verdict.upper()}: {claim.text}\n     {claim.evidence}")
+        print(claim)
 
 
 def _load_figure(path: Path, name: str) -> xr.Dataset:

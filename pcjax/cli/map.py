@@ -7,6 +7,7 @@ import json
 import math
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +31,13 @@ from pcjax.cli.parts import (
 )
 from pcjax.design.map import MapPlan
 from pcjax.design.space import HELP, DesignSpace, design_space
+from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import OBJECTIVES, Surrogate
+from pcjax.results.map_csv import map_as_csv
 from pcjax.results.saving import save_dataset, save_text
+from pcjax.results.schema import place_of
+from pcjax.results.tables import estimate_text, in_columns, wrapped
+from pcjax.study.evaluate import as_attribute
 
 _DATA = (".nc", ".csv")
 
@@ -120,11 +126,11 @@ def _run(arguments: argparse.Namespace) -> None:
         f"{plan.hands * len(task.directions) * surrogate.trials:,} trials",
         file=sys.stderr,
     )
-    data = plan.run(progress=True)
+    as_run = replace(study, run=replace(study.run, trials=surrogate.trials), sweep=None)
+    data = plan.run(progress=True).assign_attrs(as_attribute(as_run))
     if arguments.out:
         if arguments.out.suffix.lower() == ".csv":
-            coarse = data[["score", "se", "gap", "full_cage", "possible"]]
-            save_text(coarse.to_dataframe().to_csv(), arguments.out)
+            save_text(map_as_csv(data), arguments.out)
         else:
             save_dataset(data, arguments.out)
     save_picture("view.designs.plot_map", data, arguments.plot)
@@ -144,7 +150,7 @@ def as_json(data: xr.Dataset, space: DesignSpace) -> dict[str, Any]:
         return values if math.isfinite(values) else None
 
     x, y = space.free
-    best, attrs = _best(data), data.attrs
+    best, attrs, estimates = _best(data), data.attrs, data.score.isel(index=0)
     current = None
     if "current_score" in attrs:
         current = {
@@ -156,11 +162,15 @@ def as_json(data: xr.Dataset, space: DesignSpace) -> dict[str, Any]:
             side: {"parameter": p.label, "values": data[p.label].values.tolist()}
             for side, p in (("x", x), ("y", y))
         },
-        **{name: plain(data[name].values.tolist()) for name in ("score", "se", "gap")},
+        **{
+            name: plain(estimates.sel(statistic=of).values.tolist())
+            for name, of in (("score", "value"), ("se", "se"))
+        },
+        "gap": plain(data.gap.values.tolist()),
         **{name: data[name].values.tolist() for name in ("full_cage", "possible")},
         "best": {
             "parameters": {p.label: float(best[p.label]) for p in space.free},
-            "score": {"value": float(best.score), "se": float(best.se)},
+            "score": {"value": float(best[0]), "se": float(best[1])},
         },
         "current": current,
         "hands": attrs["hands"],
@@ -174,7 +184,7 @@ def as_json(data: xr.Dataset, space: DesignSpace) -> dict[str, Any]:
 def map_text(data: xr.Dataset) -> str:
     """The best hand of a map and the current one."""
     best, attrs = _best(data), data.attrs
-    names = [str(name) for name in reversed(data.score.dims)]
+    names = [str(name) for name in reversed(place_of(data))]
 
     def place(values: Sequence[float]) -> str:
         return ", ".join(
@@ -182,22 +192,31 @@ def map_text(data: xr.Dataset) -> str:
             for name, value in zip(names, values, strict=True)
         )
 
-    lines = [
-        f"{attrs['score_name']}, of {attrs['hands']:,} hands:",
-        f"best     {float(best.score):,.4f} ± {float(best.se):.4f}  at "
-        f"{place([float(best[name]) for name in names])}",
-    ]
-    if "current_score" not in attrs:
-        lines.append(
-            "the current hand is not on the map: it is outside the bounds, or its fingers differ "
-            "in a parameter that is for both"
-        )
-        return "\n".join(lines)
-    value, se = attrs["current_score"], attrs["current_se"]
-    score = f"{value:,.4f} ± {se:.4f}" if math.isfinite(value) else "no score"
-    lines.append(f"current  {score}  at {place([attrs[f'current_{name}'] for name in names])}")
-    return "\n".join(lines)
+    rows = [["best", _score_text(*best.values[:2]), place([float(best[name]) for name in names])]]
+    if "current_score" in attrs:
+        score = _score_text(attrs["current_score"], attrs["current_se"])
+        rows.append(["current", score, place([attrs[f"current_{name}"] for name in names])])
+    heads = [f"of {attrs['hands']:,} hands", attrs["score_name"], "at"]
+    text = in_columns(heads, rows, left=[0, 2])
+    if "current_score" in attrs:
+        return text
+    missing = (
+        "the current hand is not on the map: it is outside the bounds, or its fingers differ in a "
+        "parameter that is for both"
+        if "parameters" in attrs
+        else "a .csv says neither what was scored nor how: a map's .nc does"
+    )
+    return f"{text}\n{wrapped(missing)}"
 
 
-def _best(data: xr.Dataset) -> xr.Dataset:
-    return data.isel(data.score.argmax(list(data.score.dims)))  # pyright: ignore
+def _score_text(value: float, se: float) -> str:
+    if not math.isfinite(value):
+        return "no score"
+    return estimate_text(Estimate(value, se, math.nan, math.nan), ",.4f")
+
+
+def _best(data: xr.Dataset) -> xr.DataArray:
+    """The estimate of the hand with the highest score, labelled by its parameters."""
+    score = data.score.isel(index=0)
+    value = score.sel(statistic="value")
+    return score.isel(value.reset_coords(drop=True).argmax(list(value.dims)))  # pyright: ignore

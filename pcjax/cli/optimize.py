@@ -39,6 +39,7 @@ from pcjax.model.scenario import check_geometry
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import FORMS, OBJECTIVES, Surrogate
 from pcjax.results.saving import save_text
+from pcjax.results.tables import estimate_text, in_columns, interval_text, wrapped
 
 _FOR_PATHWISE = {"goal_layer": 0.8, "contact_layer": 0.2}
 """The widths with which pathwise gradients are least noisy."""
@@ -219,24 +220,24 @@ def as_text(found: Optimum, space: DesignSpace, surrogate: Surrogate, seconds: f
     """The result as a table and a verdict."""
     what = ("score " if len(surrogate.task.directions) == 2 else "") + score_name(surrogate)
     start = "moved start" if found.moved else "start"
-    lines = [f"{'':20}{start:>12}{'best':>12}"]
-    for p, a, b in zip(space.free, found.start, found.best, strict=True):
-        unit = f" [{p.unit}]" if p.unit else ""
-        lines.append(f"{p.name + unit:20}{a:>12.4g}{b:>12.4g}")
-    for title, score in ((start, found.start_score), ("best", found.best_score)):
-        lines.append(
-            f"{what}, {title}: {score.value:,.4f} ± {score.se:.4f} "
-            f"[{score.low:,.4f}, {score.high:,.4f}]"
-        )
+    heads = ["", start, "best"]
+    rows = [
+        [f"{p.name} [{p.unit}]" if p.unit else p.name, f"{a:.4g}", f"{b:.4g}"]
+        for p, a, b in zip(space.free, found.start, found.best, strict=True)
+    ]
+    lines = [
+        f"{what}, {title}: {estimate_text(score, ',.4f')} {interval_text(score, ',.4f')}"
+        for title, score in ((start, found.start_score), ("best", found.best_score))
+    ]
     gain = found.improvement
     verdict = "better" if found.better else "not better for certain"
     verdict = "worse" if gain.high < 0 else verdict
     lines.append(
-        f"improvement: {gain.value:,.4f} ± {gain.se:.4f} [{gain.low:,.4f}, {gain.high:,.4f}]: "
+        f"improvement: {estimate_text(gain, ',.4f')} {interval_text(gain, ',.4f')}: "
         f"{verdict} (exact, unseen trials, the same for both; 95 % interval)"
     )
     for design, score in found.candidates if len(found.candidates) > 1 else []:
-        lines.append(f"  a start ended at {space.describe(design)}: {score.value:,.4f}")
+        lines.append(f"a start ended at {space.describe(design)}: {score.value:,.4f}")
     rounds = f"{found.progress.iteration} iterations, " if found.progress.history else ""
     if found.invalid:
         lines.append(
@@ -245,4 +246,4 @@ def as_text(found: Optimum, space: DesignSpace, surrogate: Surrogate, seconds: f
         )
     stop = "interrupted after " if found.interrupted else ""
     lines.append(f"{stop}{rounds}{found.trials:,} trials, {seconds:.1f} s")
-    return "\n".join(lines)
+    return "\n".join([in_columns(heads, rows, left=[0]), *map(wrapped, lines)])

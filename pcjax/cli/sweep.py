@@ -11,7 +11,7 @@ from tqdm.std import tqdm
 
 from pcjax.cli.parser import Terminated
 from pcjax.cli.parts import add_run, as_flags_say, check_data, number
-from pcjax.cli.results import table
+from pcjax.results.tables import conditions_table
 from pcjax.study.read import load_study
 from pcjax.sweep.plan import Plan
 from pcjax.sweep.run import run_sweep
@@ -69,4 +69,4 @@ def _run(arguments: argparse.Namespace) -> None:
         stop.add_note(f"what was finished is kept in {arguments.out}.parts")
         stop.add_note("the same command goes on where it was")
         raise
-    print(table(data))
+    print(conditions_table(data))

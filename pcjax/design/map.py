@@ -23,7 +23,9 @@ from pcjax.model.drives.base import Drive
 from pcjax.model.hand import HandDesign, full_cage
 from pcjax.model.scenario import DIRECTIONS, fits, is_hand
 from pcjax.quality.surrogate import Surrogate
-from pcjax.results.schema import conditions, provenance
+from pcjax.results.estimates import rows_of
+from pcjax.results.provenance import conditions, provenance
+from pcjax.results.schema import dataset_of
 
 FINE = 121
 """Hands along each side that are looked at, to draw where there are none."""
@@ -84,9 +86,10 @@ def score_map(
         progress: whether to show a bar on stderr.
 
     Returns:
-        A dataset along the two parameters' labels, the second first, with the `score` and its
-        standard error `se` (NaN where there is none), the hand's `gap`, whether it is a `full_cage`
-        and whether it is `possible` at all; `gap_fine` and `possible_fine` on a finer grid.
+        A dataset along the two parameters' labels, the second first, with the `score` (index,
+        statistic; NaN where there is none), where `index` is the objective, the hand's `gap`,
+        whether it is a `full_cage` and whether it is `possible` at all; `gap_fine` and
+        `possible_fine` on a finer grid.
         Attributes `current_...` are the base hand's; there are none where it is not on the map:
         outside the bounds, or its fingers differ in a parameter that is for both.
 
@@ -161,50 +164,40 @@ class MapPlan:
         found, invalid = score_all(
             surrogate, space, list(self.designs[self.scored]), seed=self.seed, progress=progress
         )
-        values, errors = np.full((2, count), np.nan)
-        values[self.scored] = [score.value for score in found]
-        errors[self.scored] = [score.se for score in found]
+        scores = np.full((count, 4), np.nan)
+        scores[self.scored] = rows_of(found)
         x, y = space.free
         sides = {y.label: self.lines[1], x.label: self.lines[0]}
-        each = {
-            "score": (values, {"long_name": score_name(surrogate)}),
-            "se": (errors, {"long_name": "standard error of the score"}),
-            "gap": (
-                self.gaps,
-                {"units": "model length", "long_name": "narrowest passage out of the hand"},
-            ),
-            "full_cage": (
-                full_cage(self.gaps, space.width),
-                {"long_name": "whether the gap is narrower than the object"},
-            ),
-            "possible": (
-                self.possible,
-                {"long_name": "whether no limbs cross and the object fits at its starts"},
-            ),
-        }
         shape = len(self.lines[1]), len(self.lines[0])
         current = self.designs[-1]
         about_current = {
             **{f"current_{name}": value for name, value in space.named(current).items()},
-            "current_score": values[-1],
-            "current_se": errors[-1],
+            "current_score": scores[-1, 0],
+            "current_se": scores[-1, 1],
         }
         fine = {f"{p.label}_fine": np.linspace(p.low, p.high, FINE) for p in (y, x)}
         places = np.stack(np.meshgrid(fine[f"{x.label}_fine"], fine[f"{y.label}_fine"]), axis=-1)
         gaps, possible = shapes(surrogate, space, places)
         task, base = surrogate.task, space.hand(current)
-        return xr.Dataset(
+        scenarios = dict(zip(task.directions, task.scenarios(base), strict=True))
+        dataset = dataset_of(
+            "map",
             {
-                name: (tuple(sides), numbers[:-1].reshape(shape), attrs)
-                for name, (numbers, attrs) in each.items()
-            }
-            | {"gap_fine": (tuple(fine), gaps), "possible_fine": (tuple(fine), possible)},
-            coords=sides | fine,
-            attrs=provenance(
+                "score": scores[:-1].reshape(*shape, 1, 4),
+                "gap": self.gaps[:-1].reshape(shape),
+                "full_cage": full_cage(self.gaps, space.width)[:-1].reshape(shape),
+                "possible": self.possible[:-1].reshape(shape),
+                "gap_fine": gaps,
+                "possible_fine": possible,
+            },
+            {**sides, **fine, "index": [surrogate.objective]},
+            provenance(
                 {
                     "trials": surrogate.trials,
                     "max_steps": surrogate.task.max_steps,
                     "seed": self.seed,
+                    "engine": surrogate.engine(list(scenarios.values())).name,
+                    "precision": 32,
                     "objective": surrogate.objective,
                     "score_name": score_name(surrogate),
                     "directions": list(surrogate.task.directions),
@@ -213,10 +206,13 @@ class MapPlan:
                     "invalid": invalid,
                     "wall_seconds": time.perf_counter() - began,
                     **(about_current if _on_map(space, current) else {}),
-                    **conditions(dict(zip(task.directions, task.scenarios(base), strict=True))),
+                    **conditions(scenarios),
                 }
             ),
+            place=tuple(sides),
         )
+        dataset.score.attrs["long_name"] = score_name(surrogate)
+        return dataset
 
 
 def _on_map(space: DesignSpace, current: Float[np.ndarray, "2"]) -> bool:

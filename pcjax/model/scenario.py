@@ -195,21 +195,45 @@ def _distance_to_box(segment: Segment, corners: Sequence[Vec]) -> Scalar:
     return jnp.where(cut, 0.0, least)
 
 
-class _Geometry(eqx.Module):
-    """What is checked of a scenario before it is run."""
+class Geometry(eqx.Module):
+    """What is checked of a scenario before it is run, and where things are.
+
+    Attributes:
+        fit: of the object at its starts.
+        gap: the narrowest passage out of the hand, a length.
+        crossings: for each pair of limbs that do not share a joint, whether they cross.
+        faces: whether finger 1's fingertip is on the left of finger 2's.
+        blocked: whether a limb cuts through the goal line.
+        limbs, goal: of the hand.
+        passage: the points of finger 1 and finger 2 that are closest to each other.
+        start: the start closest to the corner at the palm's right end.
+    """
 
     fit: Fit
     gap: Scalar
     crossings: dict[tuple[str, str], Flag]
     faces: Flag
     blocked: Flag
+    limbs: tuple[Segment, ...]
+    goal: Goal
+    passage: tuple[Vec, Vec]
+    start: Vec
 
 
 @jax.jit
-def _geometry(scenario: Scenario) -> _Geometry:
+def _geometry(scenario: Scenario) -> Geometry:
+    """All of it as one program: function by function it would be fifty."""
     hand = scenario.hand
-    return _Geometry(
-        scenario.fit(), hand.gap(), hand.crossings(), hand.faces(), hand.blocked_goal()
+    return Geometry(
+        scenario.fit(),
+        hand.gap(),
+        hand.crossings(),
+        hand.faces(),
+        hand.blocked_goal(),
+        hand.limbs(),
+        hand.goal(),
+        hand.narrowest_passage(),
+        scenario.corner_start(),
     )
 
 
@@ -245,7 +269,7 @@ def check_geometry(scenario: Scenario) -> float:
             limb that cuts the goal line, an object that does not fit at one of its starts, or a
             start that is not inside what limbs and goal line enclose.
     """
-    found = _concrete(scenario)
+    found = geometry_of(scenario)
     for (a, b), crossed in found.crossings.items():
         if crossed:
             raise ValueError(
@@ -275,7 +299,8 @@ def check_geometry(scenario: Scenario) -> float:
     return float(found.gap)
 
 
-def _concrete(scenario: Scenario) -> _Geometry:
+def geometry_of(scenario: Scenario) -> Geometry:
+    """What a scenario looks like whose numbers are concrete, in 64 bits."""
     with jax.enable_x64(True):
         return jax.device_get(_geometry(jax.tree.map(float, scenario)))
 
@@ -286,7 +311,7 @@ def _advice(scenario: Scenario) -> str:
     def starts(spread: float, shrunk: float = 1.0) -> bool:
         body = scenario.body if shrunk == 1.0 else scenario.body.scaled(shrunk)
         other = replace(scenario, body=body, start_spread=spread)
-        fit = _concrete(other).fit
+        fit = geometry_of(other).fit
         return bool(fit.clearance >= _slack(other) and not fit.outside)
 
     spread = float(scenario.start_spread)
@@ -301,7 +326,7 @@ def _advice(scenario: Scenario) -> str:
 
 def gap_of(scenario: Scenario) -> float:
     """The hand's gap, for a scenario whose numbers are concrete."""
-    return float(_concrete(scenario).gap)
+    return float(geometry_of(scenario).gap)
 
 
 def does(

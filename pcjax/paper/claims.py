@@ -12,6 +12,8 @@ import xarray as xr
 
 from pcjax.paper import constants as paper
 from pcjax.paper.figures import Curve, curve, score_curve
+from pcjax.results.schema import INDICES
+from pcjax.results.tables import wrapped
 
 FIGURES_NEEDED = ("9a", "9b", "12", "15", "17")
 """The figures whose data the claims are tested on; Figs. 10 and 11 are parts of Fig. 12's, Figs. 13
@@ -31,6 +33,10 @@ class Claim:
     text: str
     verdict: str
     evidence: str
+
+    def __str__(self) -> str:
+        told = wrapped(f"{self.number}. {self.verdict.upper()}: {self.text}", indent=5)
+        return f"{told}\n{wrapped(' ' * 5 + self.evidence, indent=5)}"
 
 
 def judge_claims(figures: Mapping[str, xr.Dataset]) -> list[Claim]:
@@ -85,7 +91,7 @@ def _correlation(data: xr.Dataset) -> Claim:
     value = float(np.corrcoef(one.value, two.value)[0, 1])
     blocks = data.covariance.values
     joint = np.block([[blocks[i, j] for j in (0, 1)] for i in (0, 1)])
-    means = np.concatenate([data.index1.values, data.index2.values])
+    means = np.concatenate([data[name].sel(statistic="value").values for name in INDICES])
     draws = _resample(means, joint)
     n = data.sizes["condition"]
     samples = [np.corrcoef(draw[:n], draw[n:])[0, 1] for draw in draws]
@@ -336,7 +342,7 @@ def _depends_on_orientation(data: xr.Dataset) -> Claim:
     largest, most, certain = 0.0, 0.0, 0
     for k in range(len(lines[0].angle)):
         rows = [place[np.argsort(data.angle.values[place])][k] for place in places]
-        values = data.index1.values[rows]
+        values = data.index1.sel(statistic="value").values[rows]
         z = 0.0
         for i in range(len(rows)):
             for j in range(i):

@@ -18,7 +18,14 @@ from pcjax.model.hand import full_cage
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import DIRECTIONS, does
 from pcjax.paper import constants as paper
-from pcjax.results.reading import check_numbers, check_text, variable_of
+from pcjax.results.schema import (
+    INDICES,
+    Attribute,
+    check_attribute,
+    check_numbers,
+    units_of,
+    variable_of,
+)
 from pcjax.study.evaluate import evaluate_grid
 
 
@@ -95,11 +102,9 @@ def _run_arm_figure(name: str, **run: Any) -> xr.Dataset:
     dataset = evaluate_grid(scenarios, coords, **run)
     for key in ("theta_1", "theta_2", "orientation"):
         dataset[key].attrs = {"units": "degrees"}
-    dataset.width.attrs = {"units": "model length", "long_name": "between the fingertips' ends"}
+    dataset.width.attrs = {"units": units_of("length"), "long_name": "between the fingertips' ends"}
     title = paper.FIG15_TITLE if name == "15" else parts[0].title
     dataset.attrs |= {"figure": name, "title": title}
-    if stick:
-        dataset.attrs["skin"] = float(scenarios[0].body.skin)
     return dataset
 
 
@@ -109,9 +114,9 @@ def check_figure(data: xr.Dataset) -> None:
     Raises:
         ValueError: an unknown figure, or other conditions than that figure's.
     """
-    check_text(data, "figure")
+    for told in ("figure", "title"):
+        check_attribute(data, told, Attribute("text"))
     name = data.attrs["figure"]
-    check_text(data, "title")
     if name in paper.FIGURES:
         figure = paper.FIGURES[name]
         names = ("gap_width", "radius", "angle")
@@ -202,10 +207,7 @@ def _places(dataset: xr.Dataset, direction: str, where: Mapping[str, float]) -> 
 
 
 def _passable(dataset: xr.Dataset, places: np.ndarray) -> np.ndarray:
-    if "object_width" in dataset:
-        width = dataset.object_width.values[places]
-    else:  # data kept by the first version, which had circles on the wrist only
-        width = 2 * dataset.radius.values[places] * paper.WRIST_PALM_LENGTH
+    width = dataset.object_width.values[places]
     return ~np.asarray(full_cage(dataset.gap.values[places], width))
 
 
@@ -224,12 +226,11 @@ def curve(
         where: the radius or gap width, where the figure has several.
     """
     places = _places(dataset, direction, where or {})
-    k = ["index1", "index2"].index(estimate)
-    covariance = dataset.covariance[k, k]
+    k = INDICES.index(estimate)
     return Curve(
         dataset.angle.values[places],
-        dataset[estimate].values[places],
-        covariance.values[np.ix_(places, places)],
+        dataset[estimate].sel(statistic="value").values[places],
+        dataset.covariance.values[k, k][np.ix_(places, places)],
         _passable(dataset, places),
     )
 
@@ -237,7 +238,7 @@ def curve(
 def score_curve(dataset: xr.Dataset, where: Mapping[str, float] | None = None) -> Curve:
     """The score (18) by index 1 against the angle; errors by the delta method, paired."""
     top, bottom = (_places(dataset, d, where or {}) for d in ("does", "eoen"))
-    means = dataset.index1.values
+    means = dataset.index1.sel(statistic="value").values
     score = means[top] / means[bottom]
     # d score_k = sum over conditions of jacobian[k] d mean
     jacobian = np.zeros((len(score), len(means)))

@@ -9,47 +9,28 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
 import xarray as xr
 
-from pcjax.model.bodies.base import Body, placed_outline
 from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario
-from pcjax.physics.state import INVALID, PAPER_DT
-from pcjax.quality.indices import (
-    UNDEFINED,
-    Estimate,
-    mean,
-    ratio_difference,
-    survival_curve,
-)
+from pcjax.physics.state import INVALID
+from pcjax.quality.indices import Estimate, mean, ratio_difference, survival_curve
+from pcjax.results.estimates import counts_of, indices_of, rows_of, score_of
+from pcjax.results.geometry import places_of
+from pcjax.results.provenance import conditions, provenance
 from pcjax.results.reading import load_dataset
 from pcjax.results.saving import save_dataset
-from pcjax.results.schema import NAMES, WATCHED, conditions, indices_of, provenance, score_of
-from pcjax.results.tables import engines_text, in_columns, interval_text
+from pcjax.results.schema import INDICES, NAMES, WATCHED, dataset_of
+from pcjax.results.tables import (
+    engines_text,
+    estimate_text,
+    in_columns,
+    interval_text,
+    stick_text,
+    wrapped,
+)
 from pcjax.simulate.outcomes import LIMIT, STATUS_NAMES, Outcomes
-
-
-def _stick_attributes(body: Body) -> dict[str, float]:
-    """What one has to know of a stick: its angle at the start and its skin."""
-    return {
-        name: float(getattr(body, name)) for name in ("orientation", "skin") if hasattr(body, name)
-    }
-
-
-def _with_outline(data: xr.Dataset) -> xr.Dataset:
-    """An evaluation of before outlines were kept, with that of its circle or stick."""
-    if "outline" in data:
-        return data
-    radius, angle = (float(data.attrs.get(name, math.nan)) for name in ("radius", "orientation"))
-    corners, rounding = np.zeros((1, 2)), radius
-    if not math.isnan(angle):
-        along = radius * np.array([math.cos(angle), math.sin(angle)])
-        corners, rounding = np.array([-along, along]), 0.0
-    placed = data.start.values[:, None, :] + corners
-    dims = ("direction", "corner", "coordinate")
-    return data.assign(outline=(dims, placed, {"rounding": rounding}))
 
 
 class Evaluation:
@@ -77,75 +58,32 @@ class Evaluation:
         cls, scenarios: Mapping[str, Scenario], outcomes: Outcomes, run: Mapping[str, Any]
     ) -> Evaluation:
         """The evaluation of one hand from the outcomes in each direction."""
-        hands = [jax.device_get(scenario.world()) for scenario in scenarios.values()]
-        limbs = [
-            [[limb.start.x, limb.start.y, limb.end.x, limb.end.y] for limb in world.limbs]
-            for world in hands
-        ]
-        goals = [[w.goal.a.x, w.goal.a.y, w.goal.b.x, w.goal.b.y] for w in hands]
-        length = {"units": "model length (the unit that g is in)"}
-        flags = {
-            "flag_values": list(STATUS_NAMES),
-            "flag_meanings": " ".join(STATUS_NAMES.values()),
-            "long_name": "how the trial ended",
-        }
-        steps = {
-            "units": f"steps of {PAPER_DT} s",
-            "long_name": "escape step, or the limit",
-        }
-        first = next(iter(scenarios.values()))
-        with jax.enable_x64(True):
-            passages = jax.device_get([s.hand.narrowest_passage() for s in scenarios.values()])
-        gaps = [math.hypot(b.x - a.x, b.y - a.y) for a, b in passages]
-        starts = jax.device_get([s.corner_start() for s in scenarios.values()])
-        placed = [
-            placed_outline(s.body, np.array([start.x, start.y], float))
-            for s, start in zip(scenarios.values(), starts, strict=True)
-        ]
-        watched = {}
+        body = next(iter(scenarios.values())).body
+        places, rounding = places_of(list(scenarios.values()))
+        watched = [None] * len(WATCHED)
         if outcomes.watch is not None:
-            watched = {
-                name: (("direction", "trial"), outcomes.watch[..., k], attrs)
-                for k, (name, attrs) in enumerate(WATCHED.items())
-            }
-        dataset = xr.Dataset(
-            watched
-            | {
-                "escape_step": (("direction", "trial"), outcomes.steps, steps),
-                "status": (("direction", "trial"), outcomes.status, flags),
-                "limbs": (("direction", "limb", "end"), np.array(limbs, float), length),
-                "goal": (("direction", "end"), np.array(goals, float), length),
-                "passage": (
-                    ("direction", "end"),
-                    np.array([[a.x, a.y, b.x, b.y] for a, b in passages], float),
-                    length | {"long_name": "narrowest passage between the fingers"},
-                ),
-                "gap": ("direction", gaps, length | {"long_name": "length of the passage"}),
-                "start": (
-                    ("direction", "coordinate"),
-                    np.array([[start.x, start.y] for start in starts], float),
-                    length | {"long_name": "the start closest to the right corner"},
-                ),
-                "outline": (
-                    ("direction", "corner", "coordinate"),
-                    np.stack([corners for corners, _ in placed]),
-                    length | {"long_name": "the object's corners there", "rounding": placed[0][1]},
-                ),
+            watched = list(np.moveaxis(outcomes.watch, -1, 0))
+        dataset = dataset_of(
+            "evaluation",
+            {
+                **dict(zip(WATCHED, watched, strict=True)),
+                "escape_step": outcomes.steps,
+                "status": outcomes.status,
+                **places,
             },
-            coords={
-                "direction": list(scenarios),
-                "end": ["x_start", "y_start", "x_end", "y_end"],
-                "coordinate": ["x", "y"],
-            },
-            attrs=provenance(run)
+            {"direction": list(scenarios)},
+            provenance(run)
             | {
+                "trials": outcomes.steps.shape[1],
                 "max_steps": outcomes.max_steps,
-                "radius": float(first.body.radius),
-                "width": float(first.body.width),
+                "radius": float(body.radius),
+                "object_width": float(body.width),
             }
-            | _stick_attributes(first.body)
+            # What one has to know of a stick: its angle at the start and its skin.
+            | {n: float(getattr(body, n)) for n in ("orientation", "skin") if hasattr(body, n)}
             | conditions(scenarios),
         )
+        dataset.outline.attrs["rounding"] = rounding
         return cls(dataset)
 
     @classmethod
@@ -156,9 +94,9 @@ class Evaluation:
             ValueError: there is no such file, it is damaged, or no evaluation.
         """
         data = load_dataset(path)
-        if "escape_step" not in data or "sweep" in data.attrs:
+        if data.attrs["kind"] != "evaluation":
             raise ValueError(f"{path} is a result of pcjax, but no evaluation of one hand")
-        return cls(_with_outline(data))
+        return cls(data)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Writes everything to a netCDF file.
@@ -169,24 +107,22 @@ class Evaluation:
         return save_dataset(self.dataset, path)
 
     def to_xarray(self) -> xr.Dataset:
-        """The data with the estimates beside it: `index1`, `index2` (direction, statistic) and,
-        if both directions were evaluated, `score` (index, statistic)."""
-        statistics = list(asdict(UNDEFINED))
-
-        def row(estimate: Estimate) -> list[float]:
-            return list(asdict(estimate).values())
-
-        indices = {d: self.indices(d) for d in self.directions}
-        dataset = self.dataset.assign_coords(statistic=statistics)
-        for name, units in (("index1", f"steps of {PAPER_DT} s"), ("index2", "1")):
-            values = [row(indices[d][name]) for d in self.directions]
-            dataset[name] = (("direction", "statistic"), values, {"units": units})
-        if len(self.directions) == 2:
-            score = self.score()
-            dataset = dataset.assign_coords(index=list(score))
-            values = [row(estimate) for estimate in score.values()]
-            dataset["score"] = (("index", "statistic"), values, {"units": "1"})
-        return dataset
+        """The data with the estimates beside it: `index1`, `index2` (direction, statistic), `count`
+        (direction, status_name) and, if both directions were evaluated, `score` (index,
+        statistic)."""
+        indices = [self.indices(d) for d in self.directions]
+        both = len(self.directions) == 2
+        estimates = dataset_of(
+            "evaluation",
+            {
+                **{name: rows_of(each[name] for each in indices) for name in INDICES},
+                "score": rows_of(self.score().values()) if both else None,
+                "count": counts_of(self.dataset.status.values),
+            },
+            {"direction": self.directions},
+            {},
+        )
+        return self.dataset.assign_coords(estimates.coords).assign(estimates.data_vars)
 
     @property
     def directions(self) -> list[str]:
@@ -369,34 +305,36 @@ class Evaluation:
 
     def __repr__(self) -> str:
         attrs = self.dataset.attrs
-        rows = [f"{'':8}{'index 1 [steps]':>26}{'':24}{'index 2':>18}"]
         told = [(NAMES[d], self.indices(d), ",.0f") for d in self.directions]
         told += [("score", self.score(), ".4f")] if len(self.directions) == 2 else []
-        for name, estimates, form in told:
-            one, two = estimates.values()
-            left = f"{name:8}{in_columns(one, form, 10, 7)}{interval_text(one, form):>24}"
+        rows = []
+        for name, (one, two), form in ((name, each.values(), form) for name, each, form in told):
             rows.append(
-                f"{left}{in_columns(two, '.4f', 12, 6)}  {interval_text(two, '.4f')}".rstrip()
+                [
+                    name,
+                    estimate_text(one, form),
+                    interval_text(one, form),
+                    estimate_text(two, ".4f"),
+                    interval_text(two, ".4f"),
+                ]
             )
-        rows.append(
-            f"{self.trials:,} trials a direction, limit {self.max_steps:,} steps, seed "
-            f"{attrs['seed']}, {engines_text(attrs['engine'], attrs['dt'])}, "
-            f"float{attrs['precision']}, {attrs['wall_seconds']:.1f} s; "
-            "value ± standard error [95 % interval]"
-        )
+        heads = ["", "index 1 [steps]", "95 % interval", "index 2", "95 % interval"]
+        lines = [
+            in_columns(heads, rows, left=[0]),
+            wrapped(
+                f"{self.trials:,} trials a direction, limit {self.max_steps:,} steps, seed "
+                f"{attrs['seed']}, {engines_text(attrs['engine'], attrs['dt'])}, "
+                f"float{attrs['precision']}, {attrs['wall_seconds']:.1f} s; value ± standard error"
+            ),
+        ]
         for direction in self.directions:
             if stick := self.stick(direction):
-                rows.append(
-                    f"stick, {NAMES[direction]}: worst penetration {stick['penetration']:.2g} of "
-                    f"a skin of {stick['skin']:.2g}, farthest travel in a step "
-                    f"{stick['travel']:.3g}, {stick['undone']} steps undone, "
-                    f"{self.status(direction)['invalid']} trials went wrong"
-                )
-        return "\n".join(rows + [f"note: {note}" for note in self.notes()])
+                invalid = self.status(direction)["invalid"]
+                lines.append(stick_text(f"stick, {NAMES[direction]}", **stick, invalid=invalid))
+        return "\n".join(lines + [wrapped(f"note: {note}") for note in self.notes()])
 
     def _gap_and_width(self, direction: str) -> tuple[float, float]:
-        attrs = self.dataset.attrs
-        width = float(attrs.get("width", 2 * attrs["radius"]))
+        width = float(self.dataset.attrs["object_width"])
         return float(self.dataset.gap.sel(direction=direction)), width
 
     def _caged(self, direction: str) -> bool:

@@ -1,116 +1,469 @@
-"""What files of results say about themselves, and the estimates that all of them hold."""
+"""What files of results hold: every variable and attribute, declared once, for building and for
+checking what is read.
+
+There are four kinds of files. An evaluation has one hand, in each direction, with all its trials; a
+sweep has the conditions of a study; a grid has conditions of anybody's making (a figure of the
+paper is one) and the covariance between them; a map has the score over two parameters. What is the
+same thing has the same name in all of them. What is one number for a whole file is an attribute,
+and a variable of that name where it differs between conditions.
+"""
 
 from __future__ import annotations
 
-import dataclasses
-import datetime
-import json
+import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal
 
-import jax
 import numpy as np
-from jaxtyping import Int32, UInt8
+import xarray as xr
 
-from pcjax.model.scenario import Scenario
-from pcjax.physics.state import INVALID
-from pcjax.quality.indices import (
-    UNDEFINED,
-    Estimate,
-    index1,
-    index2,
-    ratio,
-)
-from pcjax.simulate.outcomes import LIMIT
-from pcjax.words import package_version
-
-WATCHED = {
-    "penetration": {
-        "units": "model length",
-        "long_name": "deepest that the stick was inside its skin at the end of a step",
-    },
-    "travel": {
-        "units": "model length",
-        "long_name": "farthest that a point of the stick went in a step, seen from the hand",
-    },
-    "undone": {
-        "units": "steps",
-        "long_name": "steps in which the stick had to stay where it was",
-    },
-}
-"""What is kept of each trial of a stick."""
+from pcjax.model.scenario import DIRECTIONS
+from pcjax.physics.state import PAPER_DT
+from pcjax.quality.indices import Estimate
+from pcjax.simulate.outcomes import STATUS_NAMES
 
 NAMES = {"does": "DoEs", "eoen": "EoEn"}
 """Directions: difficulty of escaping and ease of entering."""
 
+STATISTICS = tuple(f.name for f in fields(Estimate))
+"""What is kept of an estimate."""
 
-def parameters(scenario: Scenario) -> dict[str, float]:
-    """Every number of a scenario by name, for instance `hand.angles[0][2]`."""
-    leaves, _ = jax.tree_util.tree_flatten_with_path(scenario)
-    numbers = {jax.tree_util.keystr(path).lstrip("."): float(leaf) for path, leaf in leaves}
-    drive: Any = scenario.drive
-    fixed = [f.name for f in dataclasses.fields(drive) if f.metadata.get("static")]
-    return numbers | {f"drive.{name}": getattr(drive, name) for name in fixed}
+INDICES = ("index1", "index2")
 
+KindName = Literal["evaluation", "sweep", "grid", "map"]
 
-def conditions(scenarios: Mapping[str, Scenario] | Sequence[Scenario]) -> dict[str, str]:
-    """Attributes that say what was run: kinds of body and drive, and every number, by direction or
-    in the order of the conditions."""
-    named = isinstance(scenarios, Mapping)
-    some: Sequence[Scenario] = list(scenarios.values()) if named else scenarios
-    numbers = [parameters(scenario) for scenario in some]
-    told: Any = dict(zip(scenarios, numbers, strict=True)) if named else numbers
-    return {
-        "body": ", ".join(dict.fromkeys(type(s.body).__name__ for s in some)),
-        "drive": ", ".join(dict.fromkeys(type(s.drive).__name__ for s in some)),
-        "parameters": json.dumps(told),
-    }
+Numbers = Literal["real", "whole", "flag", "text"]
+
+_CODES = {"real": "f", "whole": "iu", "flag": "b", "text": "UOT"}
+
+PLACE, EACH, FINE = "*place", "*each", "*fine"
+"""Stand for dimensions that differ between kinds: of a file's conditions, of its conditions each in
+one direction, and of a map's finer grid."""
 
 
-def provenance(run: Mapping[str, Any]) -> dict[str, Any]:
-    """Attributes that say how a result was made: versions, date and the run's own settings."""
-    return {
-        "made_by": "pcjax",
-        "pcjax_version": package_version(),
-        "jax_version": jax.__version__,
-        "device": jax.local_devices()[0].device_kind,
-        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        **run,
-    }
+def units_of(quantity: str) -> str:
+    """The `units` attribute of a quantity: a length's, a duration's, or what is given itself."""
+    return {"length": "model length", "steps": f"steps of {PAPER_DT} s"}.get(quantity, quantity)
 
 
-def indices_of(
-    steps: Int32[np.ndarray, " trials"],
-    status: UInt8[np.ndarray, " trials"],
-    limit: int,
+@dataclass(frozen=True)
+class Variable:
+    """What a variable of a result is.
+
+    Attributes:
+        dims: its dimensions; see `PLACE`, `EACH` and `FINE`.
+        numbers: of what type.
+        units: for `units_of`; "" where it has none.
+        long_name: what it is.
+        low, high: the range; a name is that of the attribute with the bound.
+        nan: whether a number may be missing.
+    """
+
+    dims: tuple[str, ...]
+    numbers: Numbers = "real"
+    units: str = ""
+    long_name: str = ""
+    low: float = -math.inf
+    high: float | str = math.inf
+    nan: bool = False
+
+    @property
+    def attrs(self) -> dict[str, Any]:
+        """As in files."""
+        told = {"units": units_of(self.units), "long_name": self.long_name}
+        return {name: text for name, text in told.items() if text}
+
+    def per_trial(self) -> Variable:
+        """The same of each trial."""
+        return replace(self, dims=(*self.dims, "trial"))
+
+
+@dataclass(frozen=True)
+class Attribute:
+    """What an attribute of a result is; the range as in `Variable`."""
+
+    numbers: Numbers
+    low: float = -math.inf
+    high: float = math.inf
+    nan: bool = False
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of files.
+
+    Attributes:
+        noun: what it is.
+        each: dimensions of its conditions each in one direction, after those of `place`.
+        variables: by name.
+        optional: variables that not every file has.
+        attributes: that it has beside `ATTRIBUTES`.
+        gaps: whether conditions may be empty, with NaN for all their numbers.
+    """
+
+    noun: str
+    each: tuple[str, ...]
+    variables: Mapping[str, Variable]
+    optional: Mapping[str, Variable]
+    attributes: Mapping[str, Attribute]
+    gaps: bool = False
+
+
+_INDEX = {
+    "index1": Variable(
+        (EACH, "statistic"), "real", "steps", "mean escape step, cut at the limit", 1, "max_steps"
+    ),
+    "index2": Variable((EACH, "statistic"), "real", "1", "share of trials at the limit", 0, 1),
+}
+_SCORE = {"score": Variable((PLACE, "index", "statistic"), "real", "1", "DoEs / EoEn", 0)}
+_COUNT = {
+    "count": Variable((EACH, "status_name"), "whole", "1", "trials that ended so", 0, "trials")
+}
+_TRIALS = {
+    "escape_step": Variable(
+        (EACH, "trial"), "whole", "steps", "escape step, or the limit", 0, "max_steps"
+    ),
+    "status": Variable((EACH, "trial"), "whole", "", "how the trial ended"),
+}
+_GAP = {"gap": Variable((EACH,), "real", "length", "narrowest passage between the fingers", 0)}
+_OBJECT = {
+    "object_width": Variable(
+        (EACH,), "real", "length", "the narrowest gap the object fits through", 0
+    )
+}
+_DT = {"dt": Variable((EACH,), "real", "s", "the solver's step; NaN: event-driven", 0, nan=True)}
+_SKIN = {
+    "skin": Variable(
+        (EACH,), "real", "length", "distance from limbs at which a stick is held", 0, nan=True
+    )
+}
+WATCHED = {
+    "penetration": Variable(
+        (EACH,),
+        "real",
+        "length",
+        "deepest that the stick was inside its skin at the end of a step",
+        low=0,
+        nan=True,
+    ),
+    "travel": Variable(
+        (EACH,),
+        "real",
+        "length",
+        "farthest that a point of the stick went in a step, seen from the hand",
+        low=0,
+        nan=True,
+    ),
+    "undone": Variable(
+        (EACH,), "real", "steps", "steps in which the stick had to stay where it was", 0, nan=True
+    ),
+}
+"""What is kept of trials of a stick; over several trials, the worst of them and the sum of the
+steps."""
+
+_END, _POINT = (EACH, "end"), (EACH, "coordinate")
+_PICTURE = {
+    "limbs": Variable((EACH, "limb", "end"), "real", "length", "the limbs' two ends"),
+    "goal": Variable(_END, "real", "length", "the goal line's two ends"),
+    "passage": Variable(_END, "real", "length", "narrowest passage between the fingers"),
+    "start": Variable(_POINT, "real", "length", "the start closest to the right corner"),
+    "outline": Variable(
+        (EACH, "corner", "coordinate"), "real", "length", "the object's corners there"
+    ),
+}
+
+_CAGE = Variable((PLACE,), "flag", "", "whether the gap is narrower than the object")
+_POSSIBLE = Variable(
+    (PLACE,), "flag", "", "whether no limbs cross and the object fits at its starts"
+)
+
+KINDS: dict[KindName, Kind] = {
+    "evaluation": Kind(
+        "an evaluation of one hand",
+        ("direction",),
+        _TRIALS | _PICTURE | _GAP,
+        {name: what.per_trial() for name, what in WATCHED.items()} | _INDEX | _SCORE | _COUNT,
+        {
+            "radius": Attribute("real", 0),
+            "object_width": Attribute("real", 0),
+            "dt": Attribute("real", 0, nan=True),
+            "wall_seconds": Attribute("real"),
+        },
+    ),
+    "sweep": Kind(
+        "a sweep",
+        ("direction",),
+        _INDEX
+        | _COUNT
+        | _GAP
+        | _DT
+        | {
+            "trials_used": Variable(
+                (PLACE,), "whole", "1", "trials of each direction", 0, "trials"
+            ),
+            "problem": Variable((PLACE,), "text", "", "why the condition could not be run"),
+        },
+        _SCORE | _OBJECT | _SKIN | WATCHED | _TRIALS,
+        {"sweep": Attribute("text")},
+        gaps=True,
+    ),
+    "grid": Kind(
+        "a grid of conditions",
+        (),
+        _INDEX
+        | _COUNT
+        | _GAP
+        | _DT
+        | {
+            "covariance": Variable(
+                ("index", "index_2", "condition", "condition_2"),
+                "real",
+                "",
+                "covariance of the estimates, from the shared trials",
+            )
+        },
+        _OBJECT | _SKIN | WATCHED,
+        {"wall_seconds": Attribute("real"), "trials_right": Attribute("whole", 2)},
+    ),
+    "map": Kind(
+        "a map of the score",
+        (),
+        _SCORE | _GAP | {"full_cage": _CAGE, "possible": _POSSIBLE},
+        {
+            "gap_fine": replace(_GAP["gap"], dims=(FINE,)),
+            "possible_fine": replace(_POSSIBLE, dims=(FINE,)),
+        },
+        {
+            "object_width": Attribute("real", 0),
+            "objective": Attribute("text"),
+            "score_name": Attribute("text"),
+            "hands": Attribute("whole", 1),
+            "invalid": Attribute("whole", 0),
+            "wall_seconds": Attribute("real"),
+        },
+        gaps=True,
+    ),
+}
+
+ATTRIBUTES = {
+    "made_by": Attribute("text"),
+    "engine": Attribute("text"),
+    "seed": Attribute("whole", 0, 2**32 - 1),
+    "precision": Attribute("whole", 32, 64),
+    "max_steps": Attribute("whole", 1, 2**31 - 1),
+    "trials": Attribute("whole", 1, 2**31 - 1),
+    "hand": Attribute("text"),
+    "body": Attribute("text"),
+    "drive": Attribute("text"),
+    "law": Attribute("text"),
+    "parameters": Attribute("text"),
+}
+"""What every file says of its run, and of what was run."""
+
+_LABELS = {
+    "direction": [list(DIRECTIONS), ["does"], ["eoen"]],
+    "statistic": [list(STATISTICS)],
+    "status_name": [list(STATUS_NAMES.values())],
+    "end": [["x_start", "y_start", "x_end", "y_end"]],
+    "coordinate": [["x", "y"]],
+}
+"""Labels of dimensions that are the same in all files, or one of some."""
+
+
+# ------------------------------------------------------------------------------------- building
+
+
+def dataset_of(
+    kind: KindName,
+    values: Mapping[str, Any],
+    coords: Mapping[str, Any],
+    attrs: Mapping[str, Any],
     *,
-    caged: bool,
-) -> dict[str, Estimate]:
-    """Index 1 and index 2 over the trials that did not go wrong; `caged`: in a full cage."""
-    valid = status != INVALID
-    if not valid.any():
-        return {"index1": UNDEFINED, "index2": UNDEFINED}
-    lost = int(np.sum(~valid))
-    return {
-        "index1": index1(steps[valid], limit, certain=caged, lost=lost),
-        "index2": index2(status[valid] == LIMIT, certain=caged, lost=lost),
+    place: Sequence[str] = (),
+) -> xr.Dataset:
+    """A dataset of some kind, with names, dimensions, units and labels as declared.
+
+    Arguments:
+        kind: of `KINDS`.
+        values: of the variables by name; what is None is left out.
+        coords: labels, those that are the same in all files excepted.
+        attrs: of the dataset.
+        place: dimensions of its conditions.
+
+    Raises:
+        KeyError: a variable that files of this kind do not have.
+    """
+    what = KINDS[kind]
+    known = {**what.variables, **what.optional}
+    data = {
+        name: (_dims(known[name], what, place), value, known[name].attrs)
+        for name, value in values.items()
+        if value is not None
     }
+    used = {dim for dims, *_ in data.values() for dim in dims}
+    labels = {dim: some[0] for dim, some in _LABELS.items() if dim in used and len(some) == 1}
+    if "index" in used and kind != "map":
+        labels["index"] = list(INDICES)
+    dataset = xr.Dataset(data, labels | dict(coords), {"kind": kind, **attrs})
+    if "status" in dataset:
+        endings = ({0: "not_run"} if kind == "sweep" else {}) | STATUS_NAMES
+        dataset.status.attrs |= {
+            "flag_values": list(endings),
+            "flag_meanings": " ".join(endings.values()),
+        }
+    return dataset
 
 
-def score_of(
-    steps: Int32[np.ndarray, "2 trials"],
-    status: UInt8[np.ndarray, "2 trials"],
-    limit: int,
-    *,
-    caged: tuple[bool, bool],
-) -> dict[str, Estimate]:
-    """The score (18) by index 1 and by index 2, of DoEs and EoEn on the same trials."""
-    valid = (status != INVALID).all(axis=0)
-    if not valid.any():
-        return {"index1": UNDEFINED, "index2": UNDEFINED}
-    lost = int(np.sum(~valid))
-    held, stayed = steps[:, valid].astype(float), (status[:, valid] == LIMIT).astype(float)
-    return {
-        "index1": ratio(held[0], held[1], limit, certain=caged, lost=lost),
-        "index2": ratio(stayed[0], stayed[1], 1.0, certain=caged, lost=lost),
+def _dims(variable: Variable, kind: Kind, place: Sequence[str]) -> tuple[str, ...]:
+    """A variable's dimensions in a file whose conditions lie along `place`."""
+    meant = {
+        PLACE: tuple(place),
+        EACH: (*place, *kind.each),
+        FINE: tuple(f"{dim}_fine" for dim in place),
     }
+    return tuple(one for dim in variable.dims for one in meant.get(dim, (dim,)))
+
+
+def place_of(data: xr.Dataset) -> tuple[str, ...]:
+    """The dimensions of a result's conditions.
+
+    Raises:
+        ValueError: there are none where there have to be.
+    """
+    kind = data.attrs["kind"]
+    if kind == "evaluation":
+        return ()
+    if kind == "grid":
+        return ("condition",)
+    name = "problem" if kind == "sweep" else "gap"
+    return tuple(map(str, variable_of(data, name).dims))
+
+
+def labels_of(data: xr.Dataset) -> list[str]:
+    """The labels of a sweep's, a grid's or a map's conditions: its swept numbers, say."""
+    place = place_of(data)
+    if place == ("condition",):
+        return [str(n) for n in data.coords if data.coords[n].dims == place]
+    return list(place)
+
+
+# ------------------------------------------------------------------------------------- checking
+
+
+def check_dataset(data: xr.Dataset) -> None:
+    """Believes nothing that a result says of itself.
+
+    Raises:
+        ValueError: it is none, or holds what none can.
+    """
+    kind = data.attrs.get("kind")
+    if kind not in KINDS:
+        raise ValueError(f"it is none of {', '.join(one.noun for one in KINDS.values())}")
+    for name, what in {**ATTRIBUTES, **KINDS[kind].attributes}.items():
+        check_attribute(data, name, what)
+    if data.attrs["precision"] not in (32, 64):
+        raise ValueError(f"precision is {data.attrs['precision']}")
+    check_variables(data)
+
+
+def check_variables(data: xr.Dataset) -> None:
+    """The same of the variables alone."""
+    kind = KINDS[data.attrs["kind"]]
+    place = place_of(data)
+    for name, what in {**kind.variables, **kind.optional}.items():
+        if name in kind.optional and name not in data.variables:
+            continue
+        _check_variable(data, name, what, _dims(what, kind, place), gaps=kind.gaps)
+    for dim, some in _LABELS.items():
+        if dim in data.dims and variable_of(data, dim).values.tolist() not in some:
+            raise ValueError(f"{dim} is not {' or '.join(', '.join(one) for one in some)}")
+    for name in place if place != ("condition",) else ():
+        check_numbers(data, name, (name,))
+    _check_together(data)
+
+
+def _check_together(data: xr.Dataset) -> None:
+    """What has to fit together."""
+    kind, limits = data.attrs["kind"], data.attrs
+    if kind == "sweep":
+        for name in labels_of(data):
+            check_numbers(data, name, data[name].dims)
+    if "count" in data and kind != "evaluation":
+        whole = data["trials_used"] if kind == "sweep" else limits["trials"]
+        if (data["count"].sum("status_name") != whole).any():
+            raise ValueError("count does not sum up to the trials")
+    if "gap_fine" in data:
+        for name in map(str, data.gap_fine.dims):
+            check_numbers(data, name, (name,))
+    if "index" in data.dims and kind != "map" and tuple(data["index"].values) != INDICES:
+        raise ValueError(f"index is not {', '.join(INDICES)}")
+    if "covariance" in data:
+        count = data.sizes["condition"]
+        if data.covariance.shape != (2, 2, count, count):
+            raise ValueError("covariance is of another shape")
+    if "status" in data:
+        status = data.status.values
+        if not np.isin(status, [*STATUS_NAMES, *([0] if kind == "sweep" else [])]).all():
+            raise ValueError("status has values that cannot be")
+        if ((data.escape_step.values == 0) & (status != 0)).any():
+            raise ValueError("escape_step has values that cannot be")
+    if kind == "evaluation" and "skin" in limits:
+        check_attribute(data, "skin", Attribute("real", 0))
+        for name in WATCHED:
+            variable_of(data, name)
+
+
+def check_attribute(data: xr.Dataset, name: str, what: Attribute) -> None:
+    """Raises ValueError unless an attribute is there, and what it has to be."""
+    value = data.attrs.get(name)
+    if what.numbers == "text":
+        if not isinstance(value, str):
+            raise ValueError(f"{name} is no text")
+        return
+    whole = isinstance(value, int | np.integer)
+    real = whole or isinstance(value, float | np.floating)
+    if not (whole if what.numbers == "whole" else real):
+        raise ValueError(f"{name} is {value}")
+    number = float(value)  # pyright: ignore[reportArgumentType]
+    missing = what.nan and math.isnan(number)
+    if not (missing or (math.isfinite(number) and what.low <= number <= what.high)):
+        raise ValueError(f"{name} is {value}")
+
+
+def variable_of(data: xr.Dataset, name: str) -> xr.DataArray:
+    """Raises ValueError unless the variable is there."""
+    if name not in data.variables:
+        raise ValueError(f"{name} is missing")
+    return data[name]
+
+
+def check_numbers(data: xr.Dataset, name: str, dims: Sequence[Any]) -> None:
+    """Raises ValueError unless a variable goes along these dimensions and has finite numbers."""
+    _check_variable(data, name, Variable(tuple(dims)), tuple(dims))
+
+
+def _check_variable(
+    data: xr.Dataset, name: str, what: Variable, dims: tuple[str, ...], *, gaps: bool = False
+) -> None:
+    found = variable_of(data, name)
+    if found.dims != dims:
+        raise ValueError(f"{name} goes along {', '.join(map(str, found.dims)) or 'nothing'}")
+    if found.dtype.kind not in _CODES[what.numbers]:
+        raise ValueError(f"{name} is of the type {found.dtype}")
+    values, high = found.values, what.high
+    if what.numbers == "text":
+        if not all(isinstance(text, str) for text in values.flat):
+            raise ValueError(f"{name} is no text")
+        return
+    if what.numbers == "flag":
+        return
+    high = float(data.attrs[high] if isinstance(high, str) else high)
+    if dims[-1:] == ("statistic",):  # an error or an interval may be missing, or without end
+        value, se, *_ = np.moveaxis(values, -1, 0)
+        fine = not ((value < what.low).any() or (value > high).any() or (se < 0).any())
+    else:
+        there = values[~np.isnan(values)] if what.nan or gaps else values
+        fine = np.isfinite(there).all() and (there >= what.low).all() and (there <= high).all()
+    if not fine:
+        raise ValueError(f"{name} has values that cannot be")

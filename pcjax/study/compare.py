@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from pcjax.quality.indices import Estimate
 from pcjax.results.evaluation import Evaluation
+from pcjax.results.tables import in_columns, interval_text, shortened, wrapped
 from pcjax.study.evaluate import evaluate_study
 from pcjax.study.spec import Study
 
@@ -51,30 +52,35 @@ class Ranking:
     def __repr__(self) -> str:
         first = self.names[0]
         unit, form = ("score", ".4f") if self.by == "score" else ("DoEs [steps]", ",.0f")
-        wide = min(max(len(name) for name in self.names), 24)
-        lines = [f"{'':{wide + 4}}{unit:>12}{'95 % interval':>22}{'gap':>9}   against the best"]
+        rows = []
         for place, (name, result) in enumerate(self.evaluations.items(), start=1):
-            value = self.value(name)
-            interval = f"[{value.low:{form}}, {value.high:{form}}]"
-            short = name if len(name) <= wide else f"...{name[3 - wide :]}"
-            line = f"{place:>2}  {short:{wide}}{value.value:>12{form}}{interval:>22}"
-            line += f"{float(result.dataset.gap[0]):>9.4g}   "
-            if place > 1:
-                off = self.difference(name, first)
-                line += f"{off.value:{form}} [{off.low:{form}}, {off.high:{form}}] "
-                line += self.verdict(name, first)
-            lines.append(line.rstrip())
+            value, off = self.value(name), self.difference(name, first)
+            rows.append(
+                [
+                    str(place),
+                    shortened(name),
+                    "undefined" if math.isnan(value.value) else f"{value.value:{form}}",
+                    interval_text(value, form),
+                    f"{float(result.dataset.gap[0]):.4g}",
+                    f"{off.value:{form}} {interval_text(off, form)}" if place > 1 else "",
+                    self.verdict(name, first) if place > 1 else "",
+                ]
+            )
+        heads = ["", "", unit, "95 % interval", "gap", "against the best", ""]
         some = self.evaluations[first]
-        lines.append(
-            f"{some.trials:,} trials a direction, the same for all; limit {some.max_steps:,} "
-            f"steps, seed {some.dataset.attrs['seed']}"
-        )
+        lines = [
+            in_columns(heads, rows, keys=2, left=[1, 5, 6]),
+            wrapped(
+                f"{some.trials:,} trials a direction, the same for all; limit {some.max_steps:,} "
+                f"steps, seed {some.dataset.attrs['seed']}"
+            ),
+        ]
         notes = {
             note: [n for n, result in self.evaluations.items() if note in result.notes()]
             for result in self.evaluations.values()
             for note in result.notes()
         }
-        lines += [f"note: {', '.join(names)}: {note}" for note, names in notes.items()]
+        lines += [wrapped(f"note: {', '.join(names)}: {note}") for note, names in notes.items()]
         return "\n".join(lines)
 
     def as_json(self) -> dict[str, Any]:

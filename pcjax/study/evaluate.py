@@ -13,15 +13,17 @@ from pcjax.checks import check_count
 from pcjax.model.bodies.base import Body
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.base import Drive
-from pcjax.model.hand import HandDesign
+from pcjax.model.hand import HandDesign, full_cage
 from pcjax.model.scenario import Scenario, check_geometry
-from pcjax.physics.state import INVALID, PAPER_DT
+from pcjax.physics.state import INVALID
+from pcjax.results.estimates import counts_of, indices_of, rows_of
 from pcjax.results.evaluation import Evaluation
-from pcjax.results.schema import WATCHED, conditions, provenance
+from pcjax.results.provenance import conditions, provenance
+from pcjax.results.schema import INDICES, WATCHED, dataset_of
 from pcjax.simulate.batch import run
 from pcjax.simulate.choose import choose_engine
 from pcjax.simulate.lanes import Engine
-from pcjax.simulate.outcomes import LIMIT, STATUS_NAMES, Outcomes
+from pcjax.simulate.outcomes import LIMIT, Outcomes
 from pcjax.study.spec import Run, Study
 
 
@@ -111,6 +113,7 @@ def evaluate_study(study: Study, *, progress: bool = False) -> Evaluation:
         "precision": run_as.precision,
         "wall_seconds": time.perf_counter() - began,
         **({"no_eoen": missing} if missing else {}),
+        **as_attribute(study),
     }
     return Evaluation.from_outcomes(scenarios, outcomes, settings)
 
@@ -135,9 +138,10 @@ def evaluate_grid(
         trials, max_steps, seed, engine, dt, precision, progress: see `evaluate`.
 
     Returns:
-        A dataset along `condition` with `index1`, `index2`, the counts of each status, the hand's
-        `gap`, and `covariance` of all the estimates (the trials are shared, so differences and
-        ratios between conditions are known better than each alone).
+        A dataset along `condition` with `index1` and `index2` (statistic), over the trials that
+        went right in all of them, `count` (status_name), the hand's `gap`, and `covariance` of all
+        the estimates (the trials are shared, so differences and ratios between conditions are known
+        better than each alone).
 
     Raises:
         ValueError: see `evaluate`.
@@ -149,7 +153,7 @@ def evaluate_grid(
         >>> scenarios = [pcjax.does(pcjax.box_hand(), pcjax.Circle(radius)) for radius in radii]
         >>> data = evaluate_grid(scenarios, {"radius": radii}, trials=64, max_steps=20_000)
         >>> data.index1.dims, data.radius.values.tolist()
-        (('condition',), [10.0, 25.0])
+        (('condition', 'statistic'), [10.0, 25.0])
     """
     check_count("trials", trials, 2, 2**31 - 1)
     gaps = [check_geometry(scenario) for scenario in scenarios]
@@ -170,52 +174,37 @@ def evaluate_grid(
     samples = np.concatenate(
         [outcomes.steps[:, valid].astype(float), (outcomes.status[:, valid] == LIMIT).astype(float)]
     )
-    means = samples.mean(axis=1)
     covariance = np.atleast_2d(np.cov(samples)) / valid.sum()
-    c = len(scenarios)
-    blocks = covariance.reshape(2, c, 2, c).transpose(0, 2, 1, 3)
-    counts = np.stack([(outcomes.status == code).sum(axis=1) for code in STATUS_NAMES], axis=1)
-    names = ["index1", "index2"]
-    watched = {}
+    c, widths = len(scenarios), [float(s.body.width) for s in scenarios]
+    # Invalid in one condition is left out of all, and told to each as lost.
+    status = np.where(valid, outcomes.status, INVALID)
+    estimates = [
+        indices_of(outcomes.steps[k], status[k], max_steps, caged=bool(full_cage(gap, width)))
+        for k, (gap, width) in enumerate(zip(gaps, widths, strict=True))
+    ]
+    stick = {}
     if outcomes.watch is not None:
         worst = outcomes.watch.max(axis=1).astype(float)
         worst[:, 2] = outcomes.watch[..., 2].sum(axis=1)
-        watched = {
-            name: ("condition", worst[:, k], attrs)
-            for k, (name, attrs) in enumerate(WATCHED.items())
-        }
-    return xr.Dataset(
-        watched
-        | {
-            "index1": ("condition", means[:c], {"units": f"steps of {PAPER_DT} s"}),
-            "index2": ("condition", means[c:], {"units": "1"}),
-            "covariance": (
-                ("estimate", "estimate_2", "condition", "condition_2"),
-                blocks,
-                {"long_name": "covariance of the estimates, from the shared trials"},
-            ),
-            "count": (("condition", "status"), counts),
-            "gap": ("condition", gaps, {"units": "model length"}),
-            "object_width": (
-                "condition",
-                [float(s.body.width) for s in scenarios],
-                {"units": "model length", "long_name": "the narrowest gap the object fits through"},
-            ),
-            "dt": (
-                "condition",
-                [e.step_taken(s.drive.period) for e, s in zip(chosen, scenarios, strict=True)],
-                {"units": "s", "long_name": "the solver's step; NaN: event-driven"},
-            ),
+        stick = dict(zip(WATCHED, worst.T, strict=True))
+        stick["skin"] = [float(getattr(s.body, "skin", np.nan)) for s in scenarios]
+    periods = [scenario.drive.period for scenario in scenarios]
+    return dataset_of(
+        "grid",
+        {
+            **stick,
+            **{name: rows_of(each[name] for each in estimates) for name in INDICES},
+            "covariance": covariance.reshape(2, c, 2, c).transpose(0, 2, 1, 3),
+            "count": counts_of(outcomes.status),
+            "gap": gaps,
+            "object_width": widths,
+            "dt": [one.step_taken(period) for one, period in zip(chosen, periods, strict=True)],
         },
-        coords={
-            **{name: ("condition", list(values)) for name, values in coords.items()},
-            "estimate": names,
-            "status": list(STATUS_NAMES.values()),
-        },
-        attrs=provenance(
+        {name: ("condition", list(values)) for name, values in coords.items()},
+        provenance(
             {
                 "trials": trials,
-                "trials_used": int(valid.sum()),
+                "trials_right": int(valid.sum()),
                 "max_steps": max_steps,
                 "seed": seed,
                 "engine": _names(chosen),
@@ -224,7 +213,16 @@ def evaluate_grid(
                 **conditions(scenarios),
             }
         ),
+        place=("condition",),
     )
+
+
+def as_attribute(study: Study) -> dict[str, str]:
+    """A study's text for the attributes of its results; none for classes that have no kind."""
+    try:
+        return {"study": study.to_toml()}
+    except ValueError:
+        return {}
 
 
 def _names(engines: Sequence[Engine]) -> str:

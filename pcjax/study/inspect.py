@@ -12,7 +12,7 @@ import numpy as np
 from pcjax.model.hand import full_cage, points_of
 from pcjax.model.scenario import DIRECTIONS, Scenario, check_geometry, why_no_eoen
 from pcjax.results.schema import NAMES
-from pcjax.results.tables import engines_text
+from pcjax.results.tables import engines_text, wrapped
 from pcjax.simulate.choose import choose_engine
 from pcjax.study.spec import Study
 
@@ -97,7 +97,8 @@ class Inspection:
             f"run      {' and '.join(NAMES[d] for d in study.directions)}, {run.trials:,} trials "
             f"each, limit {study.max_steps:,} steps ({seconds:g} s), seed {run.seed}",
         ]
-        return "\n".join(lines + [f"doubt: {doubt}" for doubt in self.doubts])
+        lines += [f"doubt: {doubt}" for doubt in self.doubts]
+        return "\n".join(wrapped(line, indent=9) for line in lines)
 
     def as_json(self) -> dict[str, Any]:
         """Plain numbers for `--json`."""

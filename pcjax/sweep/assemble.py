@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from contextlib import suppress
+from dataclasses import astuple, replace
 from typing import Any
 
-import jax
 import numpy as np
 import xarray as xr
 
-from pcjax.model.drives.base import DRIVES
 from pcjax.model.hand import full_cage
-from pcjax.physics.state import PAPER_DT
+from pcjax.model.scenario import Scenario
 from pcjax.quality.indices import Estimate
-from pcjax.results.schema import WATCHED, indices_of, score_of
+from pcjax.results.estimates import counts_of, indices_of, rows_of, score_of
+from pcjax.results.provenance import conditions, provenance
+from pcjax.results.schema import INDICES, STATISTICS, WATCHED, dataset_of
 from pcjax.simulate.outcomes import STATUS_NAMES, Outcomes
+from pcjax.study.spec import Study
 from pcjax.sweep.plan import Part, Plan
-from pcjax.words import package_version
 
 
 class Samples:
@@ -69,13 +70,11 @@ def assemble(
     """The dataset of a sweep that is complete. Nothing in it depends on when or where it was run,
     but for the kind of device."""
     study, directions, count = plan.study, plan.study.directions, len(plan.points)
-    names, statuses = [f.name for f in fields(Estimate)], list(STATUS_NAMES)
-    indices = ("index1", "index2")
-    index = {name: np.full((count, len(directions), len(names)), np.nan) for name in indices}
-    score = np.full((count, len(indices), len(names)), np.nan)
-    counts = np.zeros((count, len(directions), len(statuses)), int)
+    index = {name: np.full((count, len(directions), len(STATISTICS)), np.nan) for name in INDICES}
+    score = np.full((count, len(INDICES), len(STATISTICS)), np.nan)
+    counts = np.zeros((count, len(directions), len(STATUS_NAMES)), int)
     used = np.zeros(count, int)
-    gap, dt = np.full((2, count, len(directions)), np.nan)
+    gap, width, skin, dt = np.full((4, count, len(directions)), np.nan)
     watched = {name: np.full((count, len(directions)), np.nan) for name in WATCHED}
     steps = np.zeros((count, len(directions), study.run.trials), np.int32)
     status = np.zeros(steps.shape, np.uint8)
@@ -86,100 +85,69 @@ def assemble(
         for d, direction in enumerate(directions):
             cell, sample = plan.cells[k, direction], samples[k, direction]
             used[k] = sample.used
-            for name in indices:
-                index[name][k, d] = list(asdict(each[direction][name]).values())
-            counts[k, d] = [int(np.sum(sample.status[: sample.used] == code)) for code in statuses]
-            gap[k, d] = cell.gap
+            for name in INDICES:
+                index[name][k, d] = astuple(each[direction][name])
+            counts[k, d] = counts_of(sample.status[: sample.used])
+            gap[k, d], width[k, d] = cell.gap, float(cell.scenario.body.width)
             dt[k, d] = cell.engine.step_taken(cell.scenario.drive.period)
             steps[k, d], status[k, d] = sample.steps, sample.status
             if sample.watch is not None:
+                skin[k, d] = float(getattr(cell.scenario.body, "skin", np.nan))
                 worst = sample.watch[: sample.used]
                 for j, name in enumerate(WATCHED):
                     how = np.sum if name == "undone" else np.max
                     watched[name][k, d] = how(worst[:, j])
         if ratio is not None:
-            score[k] = [list(asdict(ratio[name]).values()) for name in indices]
-    place, each_way = ("condition",), ("condition", "direction")
-    length = {"units": "model length"}
-    data: dict[str, Any] = {
-        "index1": ((*each_way, "statistic"), index["index1"], {"units": f"steps of {PAPER_DT} s"}),
-        "index2": ((*each_way, "statistic"), index["index2"], {"units": "1"}),
-        "count": ((*each_way, "status_name"), counts, {"long_name": "trials that ended so"}),
-        "trials_used": (place, used, {"long_name": "trials of each direction"}),
-        "gap": (each_way, gap, length),
-        "dt": (each_way, dt, {"units": "s", "long_name": "the solver's step; NaN: event-driven"}),
-        "problem": (place, plan.problems, {"long_name": "why the condition could not be run"}),
+            score[k] = rows_of(ratio.values())
+    values: dict[str, np.ndarray] = {
+        **index,
+        "count": counts,
+        "trials_used": used,
+        "gap": gap,
+        "object_width": width,
+        "dt": dt,
+        "problem": np.array(plan.problems),
     }
     if len(directions) == 2:
-        data["score"] = (("condition", "index", "statistic"), score, {"units": "1"})
+        values["score"] = score
     if not np.isnan(watched["travel"]).all():
-        data |= {name: (each_way, watched[name], attrs) for name, attrs in WATCHED.items()}
+        values |= watched | {"skin": skin}
     if keep_trials:
-        limit = {"units": f"steps of {PAPER_DT} s", "long_name": "escape step, or the limit"}
-        flags = {
-            "flag_values": [0, *statuses],
-            "flag_meanings": " ".join(["not_run", *STATUS_NAMES.values()]),
-        }
-        data["escape_step"] = ((*each_way, "trial"), steps, limit)
-        data["status"] = ((*each_way, "trial"), status, flags)
-    coords = {
-        "direction": list(directions),
-        "statistic": names,
-        "status_name": list(STATUS_NAMES.values()),
-    }
-    coords |= {"index": list(indices)} if len(directions) == 2 else {}
-    dataset = xr.Dataset(data, coords, attrs=_provenance(plan))
-    return _along_swept(dataset, plan)
+        values |= {"escape_step": steps, "status": status}
+    return _along_swept(values, plan)
 
 
-def _along_swept(dataset: xr.Dataset, plan: Plan) -> xr.Dataset:
+def _along_swept(values: Mapping[str, np.ndarray], plan: Plan) -> xr.Dataset:
     """The dataset with the swept numbers as its dimensions, or as labels of its conditions."""
-    sweep = plan.study.sweep
+    study, sweep = plan.study, plan.study.sweep
     assert sweep is not None
     units = {
         name: {"units": "degree" if name.endswith("_deg") else "as in the study"}
         for name in sweep.values
     }
+    place, shape = list(sweep.values), [len(line) for line in sweep.values.values()]
     if sweep.zipped:
-        return dataset.assign_coords(
-            {
-                name: ("condition", list(values), units[name])
-                for name, values in sweep.values.items()
-            }
-        )
-    shape = [len(values) for values in sweep.values.values()]
-    data = {
-        name: (
-            (*sweep.values, *var.dims[1:]),
-            var.values.reshape(*shape, *var.shape[1:]),
-            var.attrs,
-        )
-        for name, var in dataset.items()
+        place, shape = ["condition"], [len(plan.points)]
+    labels: dict[str, Any] = {
+        name: ("condition" if sweep.zipped else name, list(line), units[name])
+        for name, line in sweep.values.items()
     }
-    coords: dict[str, Any] = {
-        name: (name, list(values), units[name]) for name, values in sweep.values.items()
-    }
-    return xr.Dataset(data, coords | dict(dataset.coords), dataset.attrs)
-
-
-def swept_names(data: xr.Dataset) -> list[str]:
-    """The swept numbers of a sweep's dataset."""
-    if "condition" in data.dims:
-        return [str(n) for n in data.coords if data.coords[n].dims == ("condition",)]
-    return [str(dim) for dim in data.problem.dims]
+    return dataset_of(
+        "sweep",
+        {name: value.reshape(*shape, *value.shape[1:]) for name, value in values.items()},
+        labels | {"direction": list(study.directions)},
+        _provenance(plan),
+        place=place,
+    )
 
 
 def _provenance(plan: Plan) -> dict[str, Any]:
     """How the result was made: all that it depends on."""
     study = plan.study
     engines = dict.fromkeys(cell.engine.name for cell in plan.cells.values())
-    return {
+    run = {
         "made_by": "pcjax sweep",
-        "pcjax_version": package_version(),
-        "jax_version": jax.__version__,
-        "device": jax.local_devices()[0].device_kind,
         "study": study.to_toml(),
-        "drive": DRIVES.kind_of(study.drive),
         "trials": study.run.trials,
         "max_steps": study.max_steps,
         "seed": study.run.seed,
@@ -187,3 +155,14 @@ def _provenance(plan: Plan) -> dict[str, Any]:
         "precision": study.run.precision,
         "precision_target": study.run.precision_target or math.nan,
     }
+    return provenance(run, dated=False) | conditions(_before_sweeping(study))
+
+
+def _before_sweeping(study: Study) -> dict[str, Scenario]:
+    """The study's own scenarios, in the directions that its hand has as it stands."""
+    found = {}
+    for direction in (*study.directions, "does"):  # which every hand has
+        if not found or direction in study.directions:
+            with suppress(ValueError):
+                found |= replace(study, run=replace(study.run, direction=direction)).scenarios()
+    return found

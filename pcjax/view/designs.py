@@ -21,7 +21,7 @@ from pcjax.design.space import DesignSpace
 from pcjax.model.bodies.base import placed_outline
 from pcjax.model.hand import points_of
 from pcjax.quality.surrogate import Surrogate
-from pcjax.results.schema import NAMES
+from pcjax.results.schema import NAMES, place_of
 from pcjax.study.inspect import Inspection
 from pcjax.view.shapes import COLOURS, draw_object
 
@@ -163,25 +163,30 @@ def plot_map(dataset: xr.Dataset) -> Figure:
     """A map from `pcjax.score_map` with the current hand; hatched: hands without a score."""
     figure = Figure(figsize=(7.4, 5.6), layout="constrained")
     axis = figure.subplots()
-    score = dataset.score.values
-    labels = [str(label) for label in reversed(dataset.score.dims)]
+    labels = [str(label) for label in reversed(place_of(dataset))]
+    estimates = dataset.score.isel(index=0)
+    score, errors = (estimates.sel(statistic=name).values for name in ("value", "se"))
     xs, ys = (dataset[label].values for label in labels)
-    _draw_score(axis, xs, ys, score, dataset.attrs["score_name"])
+    attrs = dataset.attrs
+    _draw_score(axis, xs, ys, score, attrs["score_name"])
     fine = "_fine" if "gap_fine" in dataset else ""  # earlier maps have the coarse grid alone
+    if "object_width" in attrs:
+        gaps, least = dataset[f"gap{fine}"].values, float(attrs["object_width"])
+    else:  # one from a table, which says only where it is a full cage
+        gaps, least = np.where(dataset.full_cage.values, 0.0, 1.0), 0.5
     handles = _draw_regions(
         axis,
         [dataset[f"{label}{fine}"].values for label in labels],
-        dataset[f"gap{fine}"].values,
+        gaps,
         dataset[f"possible{fine}"].values,
-        float(dataset.attrs["object_width"]),
+        least,
         hatched=True,
     )
     _name_axes(axis, labels)
     row, column = np.unravel_index(np.nanargmax(score), score.shape)
     marks: list[tuple[Any, ...]] = [
-        ("best", xs[column], ys[row], "o", score[row, column], float(dataset.se[row, column]))
+        ("best", xs[column], ys[row], "o", score[row, column], float(errors[row, column]))
     ]
-    attrs = dataset.attrs
     if "current_score" in attrs:
         at = (attrs[f"current_{label}"] for label in labels)
         marks.append(("current", *at, "*", attrs["current_score"], attrs["current_se"]))
@@ -190,11 +195,10 @@ def plot_map(dataset: xr.Dataset) -> Figure:
         style = {"mfc": COLOURS[1], "mec": "white", "ms": 15 if marker == "*" else 8, "zorder": 4}
         handles += axis.plot(x, y, marker, ls="none", label=label, clip_on=False, **style)
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=9, frameon=False)
-    axis.set_title(
-        f"{attrs['hands']:,} hands, {attrs['trials']:,} trials a direction, limit "
-        f"{attrs['max_steps']:,} steps",
-        fontsize=10,
-    )
+    told = [f"{attrs['hands']:,} hands"]
+    if "trials" in attrs:
+        told += [f"{attrs['trials']:,} trials a direction", f"limit {attrs['max_steps']:,} steps"]
+    axis.set_title(", ".join(told), fontsize=10)
     return figure
 
 
@@ -225,7 +229,7 @@ def _draw_regions(
     """Covers the hands whose gap is below `least` and those that cannot be."""
     handles = []
     for values, edge, colour, hatch, label in (
-        (gaps, least, "0.9", "//", f"full cage: gap below {least:.4g}"),
+        (gaps, least, "0.9", "//", "full cage: the gap is narrower than the object"),
         (np.where(possible, 1.0, 0.0), 0.5, "0.75", "xx", "limbs cross, or no room for the object"),
     ):
         if not np.any(values < edge):

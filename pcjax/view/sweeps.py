@@ -1,16 +1,16 @@
-"""Pictures of sweeps: an index or the score along one swept number, a curve for each of another."""
+"""Pictures of sweeps and other grids: an index or the score along one number, a curve for each of
+others."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 
-from pcjax.results.schema import NAMES
-from pcjax.sweep.assemble import swept_names
+from pcjax.results.schema import INDICES, NAMES, labels_of
 from pcjax.view.plots import COLOURS
 from pcjax.words import did_you_mean
 
@@ -35,7 +35,7 @@ def plot_sweep(
     Raises:
         ValueError: an unknown name, or a swept number of which it is not said which value to draw.
     """
-    zipped, swept = "condition" in data.dims, swept_names(data)
+    zipped, swept = "condition" in data.dims, labels_of(data)
     at = dict(at or {})
     x = swept[0] if x is None else x
     for name in (x, *at, *([] if hue is None else [hue])):
@@ -68,6 +68,99 @@ def plot_sweep(
                 (f"{hue} {value:g}", data[x].values, estimate.sel({hue: value}).values)
                 for value in data[hue].values
             ]
+    told = ", ".join(f"{name} {value:g}" for name, value in at.items())
+    used = np.unique(data.trials_used.values[data.trials_used.values > 0])
+    trials = f"{used[0]:,}" if len(used) == 1 else f"{used[0]:,} to {used[-1]:,}"
+    return _figure(lines, x, label, f"{told + '; ' if told else ''}{trials} trials", data)
+
+
+def plot_grid(
+    data: xr.Dataset,
+    x: str | None = None,
+    y: str | None = None,
+    hue: str | None = None,
+    at: Mapping[str, float | str] | None = None,
+) -> Figure:
+    """An index of a grid's conditions with its 95 % band.
+
+    Arguments:
+        data: from `evaluate_grid`.
+        x: the label along the axis, a number; "angle" or else the first that varies unless given.
+        y: "index1", which it is unless given, or "index2".
+        hue: the label of which each value has a curve; each combination of those that are neither
+            `x` nor determined by it unless given.
+        at: values of other labels.
+
+    Raises:
+        ValueError: an unknown name or value, or nothing to draw along.
+    """
+    at, labels = dict(at or {}), labels_of(data)
+    values = {name: data[name].values for name in labels}
+    for name in [n for n in (x, hue, *at) if n is not None]:
+        _check_name(name, labels, "no label of the conditions")
+    y = INDICES[0] if y is None else y
+    _check_name(y, INDICES, "not in the results")
+    chosen = np.ones(data.sizes["condition"], bool)
+    for name, value in at.items():
+        here = values[name] == value
+        if not here.any():
+            told = ", ".join(dict.fromkeys(map(_told, values[name].tolist())))
+            raise ValueError(f"no condition has {name} {_told(value)}: there are {told}")
+        chosen &= here
+    rows = np.flatnonzero(chosen)
+    varying = [name for name in labels if len(set(values[name][rows].tolist())) > 1]
+    along = [name for name in varying if values[name].dtype.kind in "iuf"]
+    if x is None:
+        x = next((name for name in ("angle", *along) if name in along), None)
+    if x is None or x not in along:
+        raise ValueError("the conditions have no number that varies, to draw along: name it by --x")
+    others = [hue] if hue else [n for n in varying if n != x and not _follows(values, n, x, rows)]
+    curves: dict[tuple, list[int]] = {}
+    for row in rows.tolist():
+        curves.setdefault(tuple(values[name][row].item() for name in others), []).append(row)
+    for some in curves.values():
+        if len(set(values[x][some].tolist())) < len(some):
+            raise ValueError(
+                f"several conditions have the same {x} on a curve: say which by --at NAME=VALUE"
+            )
+    lines = [
+        (
+            ", ".join(f"{name} {_told(v)}" for name, v in zip(others, key, strict=True)),
+            values[x][some],
+            data[y].values[some],
+        )
+        for key, some in curves.items()
+    ]
+    told = "".join(f"{name} {_told(value)}; " for name, value in at.items())
+    label = "index 1 [steps of 0.001 s]" if y == "index1" else "index 2"
+    return _figure(lines, x, label, f"{told}{data.attrs['trials']:,} trials", data)
+
+
+def _told(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
+
+
+def _check_name(name: str, names: Sequence[str], why: str) -> None:
+    if name not in names:
+        raise ValueError(
+            f"{name} is {why}: {did_you_mean(name, names)}there are {', '.join(names)}"
+        )
+
+
+def _follows(values: Mapping[str, np.ndarray], name: str, x: str, rows: np.ndarray) -> bool:
+    """Whether a label is known where `x` is."""
+    pairs = set(zip(values[x][rows].tolist(), values[name][rows].tolist(), strict=True))
+    return len(pairs) == len(set(values[x][rows].tolist()))
+
+
+def _figure(
+    lines: Sequence[tuple[str, np.ndarray, np.ndarray]],
+    x: str,
+    label: str,
+    told: str,
+    data: xr.Dataset,
+) -> Figure:
+    """Curves with bands: each with its name, its places and its estimates (statistic last)."""
     figure = Figure(figsize=(7.2, 4.8), layout="constrained")
     axis = figure.subplots()
     many = colormaps["viridis"](np.linspace(0, 0.9, len(lines)))
@@ -83,14 +176,7 @@ def plot_sweep(
     if len(lines) > 1:
         axis.legend(fontsize=9)
     axis.grid(alpha=0.3)
-    told = ", ".join(f"{name} {value:g}" for name, value in at.items())
-    used = np.unique(data.trials_used.values[data.trials_used.values > 0])
-    trials = f"{used[0]:,}" if len(used) == 1 else f"{used[0]:,} to {used[-1]:,}"
-    axis.set_title(
-        f"{told + '; ' if told else ''}{trials} trials, limit {data.attrs['max_steps']:,} steps; "
-        "95 % bands",
-        fontsize=10,
-    )
+    axis.set_title(f"{told}, limit {data.attrs['max_steps']:,} steps; 95 % bands", fontsize=10)
     return figure
 
 
