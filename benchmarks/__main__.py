@@ -85,7 +85,7 @@ def contenders(scenarios: Sequence[Scenario], scale: float, limit: int) -> list[
 
         def run(limit: int) -> Steps:
             data = evaluate_grid(scenarios, labels, trials=trials, max_steps=limit, **settings)
-            return data.index1.values[:, None]
+            return data.index1.sel(statistic="value").values[:, None]
 
         return Contender(name, trials, run)
 

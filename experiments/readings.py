@@ -114,7 +114,7 @@ def under(changed: dict[str, float], **settings: Any) -> Iterator[Row]:
         progress=True,
         **settings,
     )
-    made = {"trials_used": str(data.attrs["trials_used"]), "engine": str(data.attrs["engine"])}
+    made = {"trials_used": str(data.attrs["trials_right"]), "engine": str(data.attrs["engine"])}
     made["least_dt_s"] = f"{data.dt.values.min():.4g}"
     for name, pick in CURVES.items():
         for row in rows_of(pick(data)):

@@ -400,7 +400,7 @@ def test_kept_evaluations_are_shown_and_drawn(
         (["plot", "WHOLE", "--at", "radius", "--plot", "p.png"], "has to be like radius=25"),
         (["plot", "WHOLE", "--plot", "p.xyz"], "its ending has to be"),
         (["show", "none.nc"], "does not exist"),
-        (["show", "STUDY"], "is no result"),
+        (["show", "STUDY", "--out", "r.nc"], "unknown flag --out"),
         (["sweep", "STUDY", "--out", "no/r.nc"], "the folder no does not exist"),
         (["sweep", "none.toml", "--out", "r.nc"], "does not exist"),
         (["sweep", "STUDY", "--out", "r.nc", "--precision-target", "0%"], "precision_target"),
