@@ -20,12 +20,12 @@ import pcjax.sweep.cluster
 import pcjax.sweep.plan
 import pcjax.sweep.run
 from pcjax.cli import main
-from pcjax.cli.results import table
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.bodies.stick import Stick
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.presets import box_hand
+from pcjax.results.tables import conditions_table
 from pcjax.study.evaluate import evaluate
 from pcjax.study.read import EXAMPLE, load_study
 from pcjax.study.spec import Run, Study, Sweep
@@ -215,7 +215,7 @@ def test_a_condition_that_cannot_be_run_stays_empty_and_says_why(tmp_path: Path)
     assert np.isfinite(data.score.sel(radius=25.0)).all()
     assert np.isnan(data.score.sel(radius=400.0)).all()
     assert int(data.trials_used.sel(radius=400.0)) == 0
-    assert "does not fit" in table(data)
+    assert "does not fit" in conditions_table(data)
     with pytest.raises(ValueError, match="no condition of the sweep can be run"):
         Plan(replace(STUDY, sweep=Sweep({"radius": (400.0, 500.0)})))
 
