@@ -18,14 +18,8 @@ from pcjax.model.hand import full_cage
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import DIRECTIONS, does
 from pcjax.paper import constants as paper
-from pcjax.results.schema import (
-    INDICES,
-    Attribute,
-    check_attribute,
-    check_numbers,
-    units_of,
-    variable_of,
-)
+from pcjax.results.checking import check_attribute, check_numbers
+from pcjax.results.schema import INDICES, Attribute, units_of, variable_of
 from pcjax.study.evaluate import evaluate_grid
 
 

@@ -10,9 +10,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from pcjax.results.checking import check_variables
 from pcjax.results.files import read_plain
 from pcjax.results.netcdf import told
-from pcjax.results.schema import check_variables, dataset_of, place_of
+from pcjax.results.schema import dataset_of, place_of
 
 _COLUMNS = ("score", "se", "gap", "full_cage", "possible")
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import xarray as xr
 
+from pcjax.results.checking import check_dataset
 from pcjax.results.files import read_plain, unsealed
 from pcjax.results.netcdf import read_netcdf, told, try_netcdf
-from pcjax.results.schema import check_dataset
 from pcjax.results.upgrade import upgraded
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
