@@ -192,7 +192,8 @@ def test_mirrored_hand_and_pull_give_the_mirrored_trajectory(
 def test_what_was_passed_by_is_told_from_what_was_hit() -> None:
     # The stick turns past the end of a limb, and comes from either side of it.
     hand = HandDesign(200.0, ((100.0,), (100.0,)), ((math.pi / 2,), (math.pi / 2,)))
-    world = does(hand, Stick(HALF)).world()
+    stick = Stick(HALF)
+    world = does(hand, stick).world()
     names = 2 * len(world.limbs)
     left_tip = names + 2  # palm's two ends first, then finger 1's
 
@@ -201,7 +202,7 @@ def test_what_was_passed_by_is_told_from_what_was_hit() -> None:
             Pose.of(Vec(jnp.asarray(a), jnp.asarray(b)), jnp.asarray(c))
             for a, b, c in ((x, y, angle), (x1, y1, angle1))
         )
-        return {k for k, d in enumerate(depths(world, before, after)) if float(d) > 0}
+        return {k for k, d in enumerate(depths(stick, world, before, after)) if float(d) > 0}
 
     # Flat above the left fingertip's end (-100, 100), then below it: the end meets the stick.
     assert found(-90.0, 100.5, 0.0, -90.0, 99.5, 0.0) == {left_tip}

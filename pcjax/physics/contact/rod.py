@@ -148,7 +148,9 @@ def move_stick(
     turn = spin * dt
     rod = Rod(free, state.angle + turn, spin)
     before = Rod(replace(free, position=state.position), state.angle, spin).pose(one)
-    moved, penetration, undone = meet_limbs_with_stick(world, before, state.angle, rod, dt, one)
+    moved, penetration, undone = meet_limbs_with_stick(
+        body, world, before, state.angle, rod, dt, one
+    )
     travel = unit_and_length(free.position - state.position)[1] + half * jnp.abs(turn)
     travel = jax.lax.stop_gradient(travel)
     safe = (penetration < skin) & (travel < LONGEST_TRAVEL * half) & (jnp.abs(turn) < LARGEST_TURN)
@@ -173,12 +175,13 @@ def move_stick(
 
 
 def meet_limbs_with_stick(
-    world: World, before: Pose, angle: Scalar, free: Rod, dt: Scalar, one: Scalar
+    body: Stick, world: World, before: Pose, angle: Scalar, free: Rod, dt: Scalar, one: Scalar
 ) -> tuple[Rod, Scalar, Flag]:
     """The impact with the deepest contact, then rest and sliding on all that it touches.
 
     Arguments:
-        world: with a stick for its body.
+        body: the stick.
+        world: with limbs and contact law.
         before, angle: the stick at the start of the step, where it cuts nothing.
         free: at the end of its free motion.
 
@@ -187,21 +190,20 @@ def meet_limbs_with_stick(
         step had to be undone. The depth is less than the skin: the stick cuts no limb, and no point
         of either is on another side than before.
     """
-    assert isinstance(world.body, Stick)
-    law, body = world.law, world.body
-    (met,) = _deepest(1, world, before, free.pose(one), one)
+    law = world.law
+    (met,) = _deepest(1, body, world, before, free.pose(one), one)
     moved = impact(law, body, met, free, dt, one)
 
     def sweep(_: int, moved: Rod) -> Rod:
         # The impact's contact stays among them, even where another one has been run into so far
         # that the point is beside its segment meanwhile.
-        touches = [met, *_deepest(_TOGETHER, world, before, moved.pose(one), one)]
+        touches = [met, *_deepest(_TOGETHER, body, world, before, moved.pose(one), one)]
         return hold_off(law, body, touches, moved, dt, one)
 
     moved = jax.lax.fori_loop(0, _SWEEPS, sweep, moved)
     deepest = functools.reduce(
         jnp.maximum,
-        [jax.lax.stop_gradient(depth) for depth in depths(world, before, moved.pose(one))],
+        [jax.lax.stop_gradient(depth) for depth in depths(body, world, before, moved.pose(one))],
     )
     # Several impacts at once in a narrow corner may be too much for the sweeps. Then the stick
     # stays where it was, where it cuts nothing, with the velocity that they have given it.
@@ -301,7 +303,7 @@ def hold_off(
 def _least_pushes(
     overlaps: Sequence[Sequence[Scalar]], needs: Sequence[Scalar], one: Scalar
 ) -> list[Scalar]:
-    """`respond.least_push` for more than two unit vectors, by projected Gauss-Seidel."""
+    """`response.least_push` for more than two unit vectors, by projected Gauss-Seidel."""
 
     def once(_: int, pushes: list[Scalar]) -> list[Scalar]:
         for k, need in enumerate(needs):
@@ -312,7 +314,7 @@ def _least_pushes(
     return jax.lax.fori_loop(0, _ROUNDS, once, [0.0 * need for need in needs])
 
 
-def depths(world: World, before: Pose, after: Pose) -> list[Scalar]:
+def depths(body: Stick, world: World, before: Pose, after: Pose) -> list[Scalar]:
     """How far the stick is inside its skin at each contact there can be; INACTIVE where it is not.
 
     First both ends of the stick for each limb, then the hand's vertices (see `_vertices`). Their
@@ -321,8 +323,7 @@ def depths(world: World, before: Pose, after: Pose) -> list[Scalar]:
     just by an end; if then stick and limb cut each other, every point of the two that has changed
     its side counts.
     """
-    assert isinstance(world.body, Stick)
-    half, skin = world.body.half_length, world.body.skin
+    half, skin = body.half_length, body.skin
 
     def judged(
         s0: Scalar, a0: Scalar, s1: Scalar, a1: Scalar, low: Scalar, high: Scalar
@@ -392,15 +393,16 @@ def _vertices_of(limb: int, finger_1: int) -> tuple[int, int]:
     return first.get(limb, limb), limb + 1
 
 
-def _deepest(count: int, world: World, before: Pose, after: Pose, one: Scalar) -> list[Touch]:
+def _deepest(
+    count: int, body: Stick, world: World, before: Pose, after: Pose, one: Scalar
+) -> list[Touch]:
     """The `count` deepest contacts of the stick at `after`, the deepest first.
 
-    Where there are fewer, the last ones are off. As in `collide.two_nearest`, the depths' lowest
+    Where there are fewer, the last ones are off. As in `circle.two_nearest`, the depths' lowest
     bits hold the contact's number.
     """
-    assert isinstance(world.body, Stick)
-    limbs, half = world.limbs, world.body.half_length
-    found = depths(*jax.lax.stop_gradient((world, before, after)))
+    limbs, half = world.limbs, body.half_length
+    found = depths(*jax.lax.stop_gradient((body, world, before, after)))
     mask = (1 << math.ceil(math.log2(len(found)))) - 1
     best: list[Scalar] = []
     for number, depth in enumerate(found):
