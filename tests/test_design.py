@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pcjax.design.compare import compare
-from pcjax.design.gradients import Gradient
+from pcjax.design.gradients import Estimator, Gradient
 from pcjax.design.optimize import Settings, Step, at_rest, optimize, starting_designs
 from pcjax.design.search import search_grid
 from pcjax.design.space import DesignSpace, design_space, nearest_within
@@ -215,7 +215,7 @@ def test_a_base_hand_that_is_not_allowed_says_why() -> None:
 # ----------------------------------------------------------------------------------------- loop
 
 
-class Bowl:
+class Bowl(Estimator):
     """An estimator whose score is a known paraboloid, without noise."""
 
     def __init__(self, top: Sequence[float], fail_at: int | None = None):

@@ -14,10 +14,11 @@ from __future__ import annotations
 import math
 import os
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any, NoReturn, Protocol
+from typing import Any, NoReturn
 
 import jax
 import jax.numpy as jnp
@@ -77,16 +78,23 @@ class Gradient:
 Designs = Sequence[Float[np.ndarray, " parameters"]]
 
 
-class Estimator(Protocol):
+class Estimator(ABC):
     """How gradients are estimated, at one design or several, all on the same trials."""
 
+    @abstractmethod
     def __call__(
         self, surrogate: Surrogate, space: DesignSpace, designs: Designs, seed: int
-    ) -> list[Gradient]: ...
+    ) -> list[Gradient]:
+        """The gradients at some designs; trial i depends on (seed, i) alone."""
+
+    def reaching(self, factor: float) -> Estimator:
+        """The estimator that looks that many times as far around a design; unless it says
+        otherwise it looks at no other design, and is the same."""
+        return self
 
 
 @dataclass(frozen=True)
-class Differences:
+class Differences(Estimator):
     """Central differences on common random numbers.
 
     Arguments:
@@ -120,6 +128,10 @@ class Differences:
         check_between("reach", self.reach, 1e-3, 10.0)
         if self.count is not None:
             check_count("count", self.count, 1, 4096)
+
+    def reaching(self, factor: float) -> Differences:
+        """With moves that many times as long."""
+        return replace(self, reach=self.reach * factor)
 
     def __call__(
         self, surrogate: Surrogate, space: DesignSpace, designs: Designs, seed: int
@@ -287,7 +299,7 @@ def _gradient(
 
 
 @dataclass(frozen=True)
-class Pathwise:
+class Pathwise(Estimator):
     """The mean of each trial's own derivative, in forward mode through all its steps.
 
     The surrogate has to be a "horizon". Its `contact_layer` decides how contact is differentiated:
@@ -311,7 +323,7 @@ class Pathwise:
         """
         if surrogate.form != "horizon":
             raise ValueError(f"a pathwise gradient needs form 'horizon', not {surrogate.form!r}")
-        engine = Stepping(self.dt, surrogate.goal_layer)
+        engine = Stepping(self.dt, goal_layer=surrogate.goal_layer)
 
         @jax.jit
         def block(first: Array, at: Array) -> tuple[Array, Array]:
@@ -361,7 +373,7 @@ class Pathwise:
 
 
 @dataclass(frozen=True)
-class Mixture:
+class Mixture(Estimator):
     """Two estimators, each component weighted by the inverse of its variance.
 
     Arguments:

@@ -14,7 +14,7 @@ import time
 import warnings
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -284,10 +284,8 @@ def _rate(settings: Settings) -> optax.Schedule:
 
 def _looking_wide(estimator: Estimator, settings: Settings, iteration: int) -> Estimator:
     """The estimator for an iteration: differences reach farther at the beginning."""
-    if not isinstance(estimator, Differences):
-        return estimator
     left = max(0.0, 1.0 - 2.0 * iteration / settings.iterations)
-    return replace(estimator, reach=estimator.reach * settings.wide**left)
+    return estimator.reaching(settings.wide**left)
 
 
 def starting_designs(space: DesignSpace, count: int, seed: int) -> list[Design]:
