@@ -32,8 +32,8 @@ from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.state import INVALID
 from pcjax.simulate.batch import run
+from pcjax.simulate.engine import Engine
 from pcjax.simulate.event import EventDriven
-from pcjax.simulate.lanes import Engine
 from pcjax.simulate.stepping import Stepping
 
 RESULTS = Path(__file__).parent / "results"

@@ -30,10 +30,10 @@ from pcjax.model.scenario import Scenario, check_geometry, does, eoen
 from pcjax.physics.state import INVALID, PASSED, RUNNING, State, at_rest
 from pcjax.physics.step import advance
 from pcjax.simulate.batch import run
-from pcjax.simulate.choose import choose_engine, safe_step
+from pcjax.simulate.choose import choose_engine
 from pcjax.simulate.event import EventDriven, Flight, leap
 from pcjax.simulate.outcomes import Outcomes
-from pcjax.simulate.stepping import Stepping
+from pcjax.simulate.stepping import Stepping, safe_step
 
 RESULTS = Path(__file__).parent / "results"
 

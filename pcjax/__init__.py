@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pcjax.quality.indices import Estimate
     from pcjax.quality.surrogate import Surrogate, Task
     from pcjax.results.evaluation import Evaluation
+    from pcjax.simulate.engine import Engine, register_engine
     from pcjax.simulate.stepping import trajectory
     from pcjax.study.compare import Ranking, compare
     from pcjax.study.evaluate import evaluate, evaluate_grid, evaluate_study
@@ -41,6 +42,7 @@ _WHERE = {
     "DesignSpace": "pcjax.design.space",
     "Differences": "pcjax.design.gradients",
     "Drive": "pcjax.model.drives.base",
+    "Engine": "pcjax.simulate.engine",
     "Estimate": "pcjax.quality.indices",
     "Evaluation": "pcjax.results.evaluation",
     "HandDesign": "pcjax.model.hand",
@@ -77,6 +79,7 @@ _WHERE = {
     "plot_map": "pcjax.view.designs",
     "register_body": "pcjax.model.bodies.base",
     "register_drive": "pcjax.model.drives.base",
+    "register_engine": "pcjax.simulate.engine",
     "register_hand": "pcjax.model.presets",
     "run_sweep": "pcjax.sweep.run",
     "score_map": "pcjax.design.map",
@@ -93,6 +96,7 @@ __all__ = [
     "DesignSpace",
     "Differences",
     "Drive",
+    "Engine",
     "Estimate",
     "Evaluation",
     "HandDesign",
@@ -129,6 +133,7 @@ __all__ = [
     "plot_map",
     "register_body",
     "register_drive",
+    "register_engine",
     "register_hand",
     "run_sweep",
     "score_map",

@@ -1,4 +1,4 @@
-"""Things that describe themselves: each parameter of a hand, body, drive or contact law, once.
+"""Things that describe themselves: a hand, body, drive, contact law or engine, each number once.
 
 A component is a class whose fields are declared with `quantity`. From the declarations come its
 checks, the study file's reader and writer, the names that can be swept, and the command line's
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import itertools
 import math
 import types
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -285,9 +286,9 @@ class Registry(Generic[C]):
         return add
 
     def kinds(self) -> tuple[str, ...]:
-        """All kinds, those of installed packages among them."""
+        """All kinds, those of installed packages among them, by the alphabet."""
         self._import_own()
-        return tuple(dict.fromkeys([*self._classes, *(e.name for e in self._offered)]))
+        return tuple(sorted({*self._classes, *(e.name for e in self._offered)}))
 
     def items(self) -> Iterator[tuple[str, type[C]]]:
         """All kinds with their classes, but for those of packages that cannot be imported: they
@@ -325,7 +326,7 @@ class Registry(Generic[C]):
             ValueError: its class is not registered.
         """
         wanted = thing if isinstance(thing, type) else type(thing)
-        for kind, component in self._classes.items():
+        for kind, component in itertools.chain(tuple(self._classes.items()), self.items()):
             if component is wanted:
                 return kind
         raise ValueError(

@@ -26,8 +26,8 @@ from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.state import INVALID, PASSED
 from pcjax.simulate.batch import run
+from pcjax.simulate.engine import Engine
 from pcjax.simulate.event import EventDriven
-from pcjax.simulate.lanes import Engine
 from pcjax.simulate.outcomes import LIMIT, Outcomes
 from pcjax.simulate.stepping import Stepping, trajectory
 from pcjax.simulate.workers import advance_for

@@ -18,8 +18,8 @@ from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.presets import box_hand
 from pcjax.model.scenario import does, eoen
 from pcjax.simulate.batch import run
-from pcjax.simulate.choose import choose_engine, safe_step
-from pcjax.simulate.stepping import Stepping
+from pcjax.simulate.choose import choose_engine
+from pcjax.simulate.stepping import Stepping, safe_step
 
 # theta_g: DoEs index 1, index 2, EoEn index 1, index 2, from an independent program with about
 # 2,000 trials each (standard errors about 5,000 for DoEs and 4,000 for EoEn; W_g = 0.4 L_p,

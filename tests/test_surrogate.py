@@ -112,8 +112,8 @@ def held_by(scenario: Scenario, trials: int, periods: int, layer: float, dt: flo
     stacked = jax.tree.map(lambda leaf: jnp.asarray(leaf, float)[None], scenario)
     numbers = jnp.arange(trials, dtype=jnp.int32)
     lanes = Lanes.fresh(jnp.zeros_like(numbers), numbers, np.float64)
-    engine = Stepping(dt, goal_layer=layer)
-    return jnp.mean(roll(engine, stacked, jnp.uint32(3), periods, lanes).excursion.survival_time)
+    program = Stepping(dt, goal_layer=layer).program(stacked.drive.period)
+    return jnp.mean(roll(program, stacked, jnp.uint32(3), periods, lanes).excursion.survival_time)
 
 
 OPEN = HandDesign(

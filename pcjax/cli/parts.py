@@ -6,14 +6,16 @@ import argparse
 import importlib
 import os
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+from pcjax.components import Quantity
 from pcjax.paper import constants as paper
-from pcjax.simulate.choose import ENGINES
-from pcjax.study.spec import Run, Study
+from pcjax.simulate.choose import engine_names
+from pcjax.simulate.engine import ENGINES, Engine
+from pcjax.study.spec import Run, Study, own_parameters
 from pcjax.words import InputWarning
 
 PICTURES = (".png", ".svg", ".pdf", ".jpg", ".webp")
@@ -43,7 +45,7 @@ def add_run(parser: argparse.ArgumentParser, trials: int = paper.TRIALS) -> None
         help=f"trials for each condition (default: {trials})",
     )
     add_experiment(parser)
-    add("--engine", choices=ENGINES, default=None, help="how trials are run (default: auto)")
+    _add_engine(parser)
     add_dt(parser, "the engine's choice; the paper's is 0.001")
     add(
         "--precision",
@@ -52,6 +54,62 @@ def add_run(parser: argparse.ArgumentParser, trials: int = paper.TRIALS) -> None
         default=None,
         help="bits of a number (default: 32)",
     )
+
+
+def _add_engine(parser: argparse.ArgumentParser) -> None:
+    """The engine, and the flags of those that have some."""
+    told = "; ".join(f"{kind}: {engine.summary}" for kind, engine in ENGINES.items())
+    parser.add_argument(
+        "--engine",
+        choices=engine_names(),
+        default=None,
+        help=f"how trials are run. {told} (default: auto, the fastest of them that is accurate)",
+    )
+    for kind, what in _of_engines():
+        unit = f", {what.unit_in_words}" if what.unit_in_words else ""
+        try:
+            parser.add_argument(
+                f"--{what.flag}",
+                type=number,
+                default=None,
+                metavar=what.flag.rsplit("-", 1)[-1][0].upper(),
+                help=f"of the engine {kind}: {what.help}{unit} (default: "
+                f"{what.to_file(what.default):g})",
+            )
+        except argparse.ArgumentError:
+            raise ValueError(
+                f"the engine {kind} has a flag --{what.flag}, which is another one's already"
+            ) from None
+
+
+def _of_engines() -> Iterator[tuple[str, Quantity]]:
+    """Every flag of an engine, with the engine's kind."""
+    for kind, engine in ENGINES.items():
+        for what in own_parameters(engine).values():
+            if what.flag:
+                yield kind, what
+
+
+def _engine_said(arguments: argparse.Namespace, usual: str | Engine) -> str | Engine:
+    """The engine that the flags ask for: another one, or other parameters of the usual one.
+
+    Raises:
+        ValueError: a parameter of an engine that is not the one.
+    """
+    before = usual if isinstance(usual, str) else usual.name
+    kind = arguments.engine or before
+    engine = usual if kind == before else kind
+    for owner, what in _of_engines():
+        value = getattr(arguments, what.flag.replace("-", "_"))
+        if value is None:
+            continue
+        if owner != kind:
+            raise ValueError(
+                f"--{what.flag} does not apply to the engine {kind}: it belongs to {owner}"
+            )
+        made = ENGINES[kind]() if isinstance(engine, str) else engine
+        engine = made.having(**{what.name: what.from_file(value)})
+    return engine
 
 
 def add_experiment(parser: argparse.ArgumentParser) -> None:
@@ -85,6 +143,8 @@ def as_flags_say(study: Study, arguments: argparse.Namespace) -> Study:
     """The study run as the flags say, where the command has them and they are given."""
     flags = {field.name: getattr(arguments, field.name, None) for field in fields(Run)}
     given = {name: value for name, value in flags.items() if value is not None}
+    if hasattr(arguments, "engine"):
+        given["engine"] = _engine_said(arguments, study.run.engine)
     return replace(study, run=replace(study.run, **given))
 
 
@@ -102,7 +162,7 @@ def run_settings(arguments: argparse.Namespace, usual: Run) -> dict[str, Any]:
     """How to run: the flags given, and the usual for the others."""
     given = {name: getattr(arguments, name) for name in RUN_FLAGS}
     settings = {name: getattr(usual, name) if v is None else v for name, v in given.items()}
-    return settings | {"progress": True}
+    return settings | {"engine": _engine_said(arguments, usual.engine), "progress": True}
 
 
 def add_outputs(

@@ -39,16 +39,14 @@ from pcjax.model.drives.base import Drive
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import DIRECTIONS, Scenario
 from pcjax.physics.state import INVALID, PAPER_DT
-from pcjax.simulate.batch import run
-from pcjax.simulate.choose import choose_engine, safe_step
+from pcjax.simulate.batch import LaneEngine, run
+from pcjax.simulate.choose import engine_for
 from pcjax.simulate.cloud import Cloud
 from pcjax.simulate.draws import period_draws, trial_key
-from pcjax.simulate.event import EventDriven
 from pcjax.simulate.lanes import Lanes
 from pcjax.simulate.outcomes import LIMIT
 from pcjax.simulate.relaxation import Layer, relaxed_survival
 from pcjax.simulate.rounds import roll
-from pcjax.simulate.stepping import Stepping
 
 OBJECTIVES = ("index1", "index2", "escape_rate")
 """What a score can be made of: an index, or the limit-free mean time to escape, 1 / rate."""
@@ -245,17 +243,13 @@ class Surrogate:
             int(wrong.sum(axis=1).max()),
         )
 
-    def engine(self, scenarios: Sequence[Scenario]) -> Stepping | EventDriven:
-        """The cheapest engine that can run all of these, with this goal layer."""
+    def engine(self, scenarios: Sequence[Scenario]) -> LaneEngine:
+        """The engine of choice for all of these, with this goal layer."""
         layer = None if self.form == "exact" else self.goal_layer
-        chosen = [choose_engine("auto", self.dt, scenario) for scenario in scenarios]
-        if all(isinstance(engine, EventDriven) for engine in chosen):
-            return EventDriven(goal_layer=layer)
-        dt = self.dt or min(safe_step(scenario) for scenario in scenarios)
-        return Stepping(dt, goal_layer=layer)
+        return engine_for(scenarios, self.dt, LaneEngine).having(goal_layer=layer)
 
     def _sample_horizon(
-        self, scenarios: list[Scenario], engine: Stepping | EventDriven, seed: int
+        self, scenarios: list[Scenario], engine: LaneEngine, seed: int
     ) -> tuple[np.ndarray, np.ndarray]:
         out = run(
             scenarios, trials=self.trials, max_steps=self.task.max_steps, seed=seed, engine=engine
@@ -270,7 +264,7 @@ class Surrogate:
     def _sample_cloud(
         self,
         each: list[list[Scenario]],
-        engine: Stepping | EventDriven,
+        engine: LaneEngine,
         seed: int,
         base: HandDesign,
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -299,7 +293,7 @@ class Surrogate:
         Raises:
             ValueError: hardly anything stays in the hand that long.
         """
-        engine = choose_engine("auto", self.dt, scenario)
+        engine = engine_for([scenario], self.dt, LaneEngine)
         steps = self.burn_in * round(scenario.drive.period / PAPER_DT)
         places, draws, tried = [], [], 0
         while sum(map(len, places)) < self.trials:
@@ -339,7 +333,7 @@ class Surrogate:
     def traced_values(
         self,
         hand: HandDesign,
-        engine: Stepping | EventDriven,
+        engine: LaneEngine,
         trials: Int[Array, " trials"],
         seed: Any,
     ) -> Float[Array, "directions 2 trials"]:
@@ -360,7 +354,8 @@ class Surrogate:
                 jnp.tile(trials, count),
                 np.dtype(jnp.result_type(float)).type,
             )
-            lanes = roll(engine, stacked, seed, self.periods, lanes)
+            program = engine.program(stacked.drive.period)
+            lanes = roll(program, stacked, seed, self.periods, lanes)
             widths = _layer_widths(stacked.hand, self.goal_layer)
             end = relaxed_survival(lanes.excursion.peak, widths[lanes.condition])
             values.append(jnp.stack([lanes.excursion.survival_time, end]).reshape(2, count, -1))

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,7 +24,8 @@ from pcjax.components import shared_leaves, unfixed
 from pcjax.model.scenario import Scenario
 from pcjax.progress import progress_bar
 from pcjax.simulate.cloud import Cloud
-from pcjax.simulate.lanes import Engine
+from pcjax.simulate.engine import Engine
+from pcjax.simulate.lanes import Lanes, Program
 from pcjax.simulate.outcomes import Outcomes
 from pcjax.simulate.workers import Ledger, advance_for, crew_of, work
 
@@ -78,7 +80,7 @@ def run(
         trials,
         max_steps,
         watched=turns,
-        relaxed=engine.goal_layer is not None,
+        relaxed=engine.relaxed,
         final=keep_final,
     )
     check_count("seed", seed, 0, 2**32 - 1)
@@ -87,76 +89,133 @@ def run(
         raise ValueError(f"precision is {precision!r}: it has to be 32 or 64 (bits)")
     if any(scenario.body.turns != turns for scenario in scenarios):
         raise ValueError("some of the objects turn and others do not: run them one after the other")
-    kinds: dict[Any, list[int]] = {}
-    for k, scenario in enumerate(map(unfixed, scenarios)):
-        shared = shared_leaves(scenario)
-        leaves = zip(jax.tree.leaves(scenario), jax.tree.leaves(shared), strict=True)
-        common = tuple(leaf for leaf, is_shared in leaves if is_shared)
-        kinds.setdefault((jax.tree.structure(scenario), common), []).append(k)
-    if len(kinds) > 1:
-        for chosen in kinds.values():
-            part = run(
-                [scenarios[k] for k in chosen],
-                trials=trials,
-                first=first,
-                max_steps=max_steps,
-                seed=seed,
-                engine=engine,
-                precision=precision,
-                block=block,
-                workers=workers,
-                progress=progress,
-                cloud=cloud,
-                keep_final=keep_final,
-            )
-            outcomes.put(chosen, part)
-        return outcomes
-    dtype = np.float32 if precision == 32 else np.float64
-    # The compiled program depends on how many conditions there are: of a few numbers only.
-    room = max(_FEWEST_CONDITIONS, 1 << (len(scenarios) - 1).bit_length())
-    filled = [*scenarios, *[scenarios[0]] * (room - len(scenarios))]
-    loose = [unfixed(scenario) for scenario in filled]
-
-    def stack(is_shared: bool, *leaves: Any) -> np.ndarray:
-        return np.asarray(leaves[0] if is_shared else leaves, dtype)
-
-    stacked = jax.tree.map(stack, shared_leaves(loose[0]), *loose)
-    program = engine.program(scenarios[0].drive.period)
-    devices = jax.local_devices()
-    platform = devices[0].platform
-    crew = crew_of(devices, workers)
-    total = outcomes.steps.size
-    if block is None:
-        fair = -(-total // len(crew))
-        largest = _BLOCK.get(platform, _BLOCK_ON_ACCELERATOR)
-        block = min(largest, max(_SMALLEST_BLOCK, 1 << (fair - 1).bit_length()))
-    check_count("block", block, 1, 2**24)
-    ledger = Ledger(filled, engine, outcomes, first)
-    advance = functools.partial(
-        advance_for(platform),
-        program=jax.tree.map(lambda n: np.int32(n) if isinstance(n, int) else dtype(n), program),
-        stacked=stacked,
-        seed=np.uint32(seed),
-        last_period=np.int32(ledger.last_period),
-        cloud=None if cloud is None else jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype), cloud),
+    engine.fill(
+        outcomes,
+        scenarios,
+        first=first,
+        seed=seed,
+        precision=precision,
+        block=block,
+        workers=workers,
+        progress=progress,
+        cloud=cloud,
     )
-    with (
-        progress_bar(
-            total=total,
-            desc="trials",
-            unit="trial",
-            shown=progress,
-        ) as bar,
-        ThreadPoolExecutor(len(crew)) as pool,
-    ):
-        ledger.on_end = bar.update
-        jobs = [
-            pool.submit(work, ledger, advance, block, dtype, precision, device) for device in crew
-        ]
-        try:
-            done, _ = wait(jobs, return_when=FIRST_EXCEPTION)
-        finally:
-            ledger.stopped.set()
-        for job in done:
-            job.result()
     return outcomes
+
+
+class LaneEngine(Engine):
+    """An engine that is a compiled program for blocks of lanes.
+
+    Arguments:
+        goal_layer: half width of the layer that the goal is spread over, in depths of the channel
+            (see `relaxation`); None for the exact goal.
+    """
+
+    goal_layer: float | None = eqx.field(default=None, static=True, kw_only=True)
+
+    @property
+    def relaxed(self) -> bool:
+        """Whether the goal is spread over a layer."""
+        return self.goal_layer is not None
+
+    def program(self, period: float) -> Program:
+        """What is compiled, for periods of `period` seconds."""
+        raise NotImplementedError
+
+    def seconds(self, lanes: Lanes, period: float) -> np.ndarray:
+        """How long each trial has lasted, s, for periods of `period` seconds."""
+        raise NotImplementedError
+
+    def fill(
+        self,
+        outcomes: Outcomes,
+        scenarios: Sequence[Scenario],
+        *,
+        first: int,
+        seed: int,
+        precision: int,
+        block: int | None,
+        workers: int | None,
+        progress: bool,
+        cloud: Cloud | None,
+    ) -> None:
+        """Runs lanes in blocks, refilled as trials end."""
+        kinds: dict[Any, list[int]] = {}
+        for k, scenario in enumerate(map(unfixed, scenarios)):
+            shared = shared_leaves(scenario)
+            leaves = zip(jax.tree.leaves(scenario), jax.tree.leaves(shared), strict=True)
+            common = tuple(leaf for leaf, is_shared in leaves if is_shared)
+            kinds.setdefault((jax.tree.structure(scenario), common), []).append(k)
+        if len(kinds) > 1:
+            for chosen in kinds.values():
+                part = run(
+                    [scenarios[k] for k in chosen],
+                    trials=outcomes.steps.shape[1],
+                    first=first,
+                    max_steps=outcomes.max_steps,
+                    seed=seed,
+                    engine=self,
+                    precision=precision,
+                    block=block,
+                    workers=workers,
+                    progress=progress,
+                    cloud=cloud,
+                    keep_final=outcomes.final is not None,
+                )
+                outcomes.put(chosen, part)
+            return
+        dtype = np.float32 if precision == 32 else np.float64
+        # The compiled program depends on how many conditions there are: of a few numbers only.
+        room = max(_FEWEST_CONDITIONS, 1 << (len(scenarios) - 1).bit_length())
+        filled = [*scenarios, *[scenarios[0]] * (room - len(scenarios))]
+        loose = [unfixed(scenario) for scenario in filled]
+
+        def stack(is_shared: bool, *leaves: Any) -> np.ndarray:
+            return np.asarray(leaves[0] if is_shared else leaves, dtype)
+
+        stacked = jax.tree.map(stack, shared_leaves(loose[0]), *loose)
+        period = scenarios[0].drive.period
+        program = self.program(period)
+        devices = jax.local_devices()
+        platform = devices[0].platform
+        crew = crew_of(devices, workers)
+        total = outcomes.steps.size
+        if block is None:
+            fair = -(-total // len(crew))
+            largest = _BLOCK.get(platform, _BLOCK_ON_ACCELERATOR)
+            block = min(largest, max(_SMALLEST_BLOCK, 1 << (fair - 1).bit_length()))
+        check_count("block", block, 1, 2**24)
+        seconds = functools.partial(self.seconds, period=period)
+        ledger = Ledger(filled, seconds, outcomes, first)
+        advance = functools.partial(
+            advance_for(platform),
+            program=jax.tree.map(
+                lambda n: np.int32(n) if isinstance(n, int) else dtype(n), program
+            ),
+            stacked=stacked,
+            seed=np.uint32(seed),
+            last_period=np.int32(ledger.last_period),
+            cloud=None
+            if cloud is None
+            else jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype), cloud),
+        )
+        with (
+            progress_bar(
+                total=total,
+                desc="trials",
+                unit="trial",
+                shown=progress,
+            ) as bar,
+            ThreadPoolExecutor(len(crew)) as pool,
+        ):
+            ledger.on_end = bar.update
+            jobs = [
+                pool.submit(work, ledger, advance, block, dtype, precision, device)
+                for device in crew
+            ]
+            try:
+                done, _ = wait(jobs, return_when=FIRST_EXCEPTION)
+            finally:
+                ledger.stopped.set()
+            for job in done:
+                job.result()

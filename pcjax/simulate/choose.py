@@ -2,30 +2,45 @@
 
 from __future__ import annotations
 
-from pcjax.model.bodies.circle import Circle
-from pcjax.model.scenario import Scenario, gap_of
-from pcjax.physics.state import PAPER_DT
-from pcjax.simulate.event import EventDriven
-from pcjax.simulate.lanes import Engine
-from pcjax.simulate.stepping import SHORTEST_STEP, Stepping
+from collections.abc import Sequence
+from typing import TypeVar
 
-ENGINES = ("auto", "event", "stepping")
+from pcjax.model.scenario import Scenario
+from pcjax.simulate.engine import ENGINES, Engine, in_order_of_preference, takes_dt
 
-_LEAST_CLEARANCE = 1e-4
-"""Difference between gap and object, in diameters, that the event-driven engine needs."""
-
-_AUTO_TRAVEL = 0.5
-"""Share of the radius that a step may cover at the speed of a fall through the whole hand."""
+E = TypeVar("E", bound=Engine)
 
 
-def choose_engine(name: str, dt: float | None, scenario: Scenario) -> Engine:
-    """The engine for a name: "event", "stepping" (at `dt`, the paper's 0.001 s unless given), or
-    "auto": the event-driven one where it applies and no `dt` is asked for, else stepping, as far at
-    a time as accuracy allows (0.04 s, on the arm 0.02 s, for a stick 0.01 s, or less for small,
-    fast objects).
+def engine_names() -> tuple[str, ...]:
+    """What an engine can be named by: "auto", and all kinds."""
+    return ("auto", *ENGINES.kinds())
+
+
+def check_engine(engine: str | Engine) -> None:
+    """
+    Raises:
+        ValueError: it is neither a known name nor an engine.
+    """
+    if not isinstance(engine, Engine) and engine not in engine_names():
+        raise ValueError(
+            f"engine is {engine!r}: it has to be one of {', '.join(engine_names())}, or an Engine"
+        )
+
+
+def choose_engine(engine: str | Engine, dt: float | None, scenario: Scenario) -> Engine:
+    """The engine for a scenario.
+
+    Arguments:
+        engine: one, or the kind of one with its usual parameters, such as "event" or "stepping" (at
+            the paper's 0.001 s); or "auto": of those that can run it, the one of highest
+            preference, with the parameters that accuracy asks for. So it is the event-driven one
+            where that applies and no `dt` is asked for, else stepping, as far at a time as accuracy
+            allows (0.04 s, on the arm 0.02 s, for a stick 0.01 s, or less for small, fast objects).
+        dt: the solver's step, s, for an engine that has one; else None.
+        scenario: what is to be run.
 
     Raises:
-        ValueError: an unknown name, or an event-driven engine that does not apply.
+        ValueError: an unknown name, an engine that does not apply, or a step that does not.
 
     Examples:
         >>> import pcjax
@@ -36,50 +51,47 @@ def choose_engine(name: str, dt: float | None, scenario: Scenario) -> Engine:
         >>> choose_engine("auto", None, pcjax.does(hand, pcjax.Stick(25.0))).name
         'stepping'
     """
-    if name == "stepping":
-        return Stepping(PAPER_DT if dt is None else dt)
-    if name == "event":
-        if dt is not None:
-            raise ValueError("dt does not go with the event-driven engine: it takes no steps")
-        obstacle = _obstacle_to_events(scenario)
-        if obstacle:
-            raise ValueError(f"the event-driven engine cannot run this: {obstacle}")
-        return EventDriven()
-    if name != "auto":
-        raise ValueError(f"engine is {name!r}: it has to be one of {', '.join(ENGINES)}")
+    check_engine(engine)
+    if engine == "auto":
+        return engine_for([scenario], dt)
+    made = ENGINES[engine]() if isinstance(engine, str) else engine
     if dt is not None:
-        return Stepping(dt)
-    if _obstacle_to_events(scenario):
-        return Stepping(safe_step(scenario))
-    return EventDriven()
+        if not takes_dt(type(made)):
+            raise ValueError(
+                f"dt does not go with {made.noun}: it takes no steps whose length can be chosen"
+            )
+        made = made.having(dt=dt)
+    obstacle = made.obstacle(scenario)
+    if obstacle:
+        other = ENGINES.kind_of(_first([scenario], None, Engine))
+        raise ValueError(f"{made.noun} cannot run this: {obstacle}; take engine '{other}'")
+    return made
 
 
-def _obstacle_to_events(scenario: Scenario) -> str | None:
-    """Why the event-driven engine does not apply to a scenario, if so."""
-    if not (scenario.drive.steady_in_between and isinstance(scenario.body, Circle)):
-        return "it knows a circle in a hand that a wrist tilts; take engine 'stepping'"
-    if scenario.law.smoothing is not None:
-        return "it knows hard contact only, and this one is smoothed; take engine 'stepping'"
-    diameter = 2 * float(scenario.body.radius)
-    clearance = gap_of(scenario) - diameter
-    if abs(clearance) < _LEAST_CLEARANCE * diameter:
-        return (
-            f"the gap differs from the object's diameter by {clearance:.2g}, too little for a "
-            "contact on either side; take engine 'stepping'"
-        )
-    return None
+def engine_for(
+    scenarios: Sequence[Scenario], dt: float | None = None, family: type[E] = Engine
+) -> E:
+    """The engine of highest preference that can run all of some scenarios, with the parameters that
+    accuracy asks for.
+
+    Arguments:
+        scenarios: what is to be run.
+        dt: the solver's step, s, if the engine has to be one that takes it.
+        family: a subclass of `Engine` that it has to be of.
+
+    Raises:
+        ValueError: there is none, or accuracy asks for too much.
+    """
+    kind = _first(scenarios, dt, family)
+    return kind.suited(scenarios) if dt is None else kind().having(dt=dt)
 
 
-def safe_step(scenario: Scenario) -> float:
-    """A step in which a fall through the whole hand covers a modest share of the radius."""
-    hand, drive = scenario.hand, scenario.drive
-    reach = float(hand.palm_length) + max(float(sum(ls)) for ls in hand.lengths)
-    speed = drive.top_speed(reach)
-    radius = float(scenario.body.radius)
-    if _AUTO_TRAVEL * radius < SHORTEST_STEP * speed:
-        raise ValueError(
-            f"the radius {radius:g} is too small for a hand of {reach:g} under gravity: the object "
-            f"would need steps below {SHORTEST_STEP:g} s"
-        )
-    longest = min(drive.longest_step, scenario.body.longest_step)
-    return min(longest, _AUTO_TRAVEL * radius / max(speed, 1e-9))
+def _first(scenarios: Sequence[Scenario], dt: float | None, family: type[E]) -> type[E]:
+    for kind in in_order_of_preference():
+        if (
+            issubclass(kind, family)
+            and (dt is None or takes_dt(kind))
+            and not any(map(kind.obstacle, scenarios))
+        ):
+            return kind
+    raise ValueError("no engine takes this of its own accord: name one")

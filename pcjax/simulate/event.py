@@ -16,7 +16,8 @@ Only the roll over a limb's end goes by small arcs, whose speed follows from the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -37,11 +38,13 @@ from pcjax.geometry import (
     unit_and_length,
     where,
 )
-from pcjax.model.drives.wrist import Swing, WristTilt
-from pcjax.model.scenario import World
-from pcjax.physics.contact.circle import Contact, two_nearest
+from pcjax.model.scenario import Scenario, World, gap_of
+from pcjax.physics.contact.circle import Contact, move_circle, two_nearest
+from pcjax.physics.contact.table import contact_of
 from pcjax.physics.response import Angle, impacts_in_turn, least_push
 from pcjax.physics.state import INVALID, PASSED, RUNNING
+from pcjax.simulate.batch import LaneEngine
+from pcjax.simulate.engine import register_engine
 from pcjax.simulate.lanes import Lanes, lane_axes
 from pcjax.simulate.relaxation import Excursion, Layer
 
@@ -61,26 +64,49 @@ _NO_NEED = -1e30
 """A bound that never binds, for a contact that is off."""
 
 
-@dataclass(frozen=True)
-class EventDriven:
+_LEAST_CLEARANCE = 1e-4
+"""Difference between gap and object, in diameters, that there has to be."""
+
+
+@register_engine("event")
+class EventDriven(LaneEngine):
     """The engine that leaps from event to event, for a circle in a hand that a wrist tilts.
 
     Arguments:
         burst: leaps between two looks at whose period is over.
         rounds: bursts in one call.
         budget: leaps in one period after which a trial ends as INVALID.
-        goal_layer: half width of a relaxed goal, in depths of the channel (see `relaxation`).
+        goal_layer: see `LaneEngine`.
     """
 
-    burst: int = 8
-    rounds: int = 8
-    budget: int = 10_000
-    goal_layer: float | None = None
-    name = "event"
+    burst: int = eqx.field(default=8, static=True)
+    rounds: int = eqx.field(default=8, static=True)
+    budget: int = eqx.field(default=10_000, static=True)
 
-    def step_taken(self, period: float) -> float:
-        """NaN: this engine takes no steps of equal length."""
-        return float("nan")
+    noun = "the event-driven engine"
+    summary = "from event to event, for a circle in a hand that a wrist tilts"
+    preference = 20
+
+    @classmethod
+    def obstacle(cls, scenario: Scenario) -> str | None:
+        """Why it does not apply to a scenario; None where it does."""
+        circle = contact_of(scenario.body) is move_circle
+        if not (scenario.drive.steady_in_between and circle):
+            return "it knows a circle in a hand that a wrist tilts"
+        if scenario.law.smoothing is not None:
+            return "it knows hard contact only, and this one is smoothed"
+        diameter = 2 * float(scenario.body.radius)
+        clearance = gap_of(scenario) - diameter
+        if abs(clearance) < _LEAST_CLEARANCE * diameter:
+            return (
+                f"the gap differs from the object's diameter by {clearance:.2g}, too little for a "
+                "contact on either side"
+            )
+        return None
+
+    def processor_seconds(self, scenario: Scenario, max_steps: int) -> float:
+        """0.18 ms to 600 s."""
+        return 0.18e-3 * max_steps / 600_000
 
     def seconds(self, lanes: Lanes, period: float) -> np.ndarray:
         """How long each trial has lasted, s."""
@@ -99,13 +125,12 @@ class LeapingProgram(eqx.Module):
     burst: int = eqx.field(static=True)
     rounds: int = eqx.field(static=True)
 
-    def run(self, worlds: World, swings: Swing, lanes: Lanes) -> Lanes:
+    def run(self, worlds: World, swings: Any, lanes: Lanes) -> Lanes:
         """Takes each trial `burst` leaps further, at most to the end of its period."""
         drives = worlds.drive
-        assert isinstance(drives, WristTilt)
-        intervals = jax.vmap(WristTilt.steady_interval, in_axes=(lane_axes(drives), 0))(
-            drives, DRIFT * worlds.body.radius
-        )
+        intervals = jax.vmap(
+            lambda drive, drift: drive.steady_interval(drift), in_axes=(lane_axes(drives), 0)
+        )(drives, DRIFT * worlds.body.radius)
 
         excursions, state = lanes.excursion, lanes.state
         layers = Layer.all_of(worlds, self.goal_layer)
@@ -186,17 +211,16 @@ class Support(eqx.Module):
     until_end: Scalar
 
 
-def leap(world: World, swing: Swing, interval: Scalar, flight: Flight) -> Flight:
+def leap(world: World, swing: Any, interval: Scalar, flight: Flight) -> Flight:
     """The state after the longest leap in which provably nothing happens.
 
     Arguments:
         world: the condition.
-        swing: the drive's motion in the current period, from `WristTilt.swing`.
-        interval: seconds for which gravity is taken as constant, from `WristTilt.steady_interval`.
+        swing: the drive's motion in the current period, from `Drive.swing`.
+        interval: seconds for which gravity is taken as constant, from `Drive.steady_interval`.
         flight: the state before. It stays as it is if its trial or its period is over.
     """
     radius, drive = world.body.radius, world.drive
-    assert isinstance(drive, WristTilt)
     one = runtime_one(flight.leaps, radius)
     pull, change = drive.steady(swing, flight.time, interval)
     contacts = two_nearest(world.limbs, flight.position, one)

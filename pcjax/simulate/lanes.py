@@ -104,30 +104,3 @@ class Program(Protocol):
             lanes: those with another status than RUNNING or whose period is over stay as they are.
         """
         ...
-
-
-class Engine(Protocol):
-    """How a block of trials is advanced."""
-
-    @property
-    def name(self) -> str:
-        """What the command line calls it."""
-        ...
-
-    @property
-    def goal_layer(self) -> float | None:
-        """Half width of the layer that the goal is spread over, in depths of the channel; None for
-        the exact goal."""
-        ...
-
-    def program(self, period: float) -> Program:
-        """What is compiled, for periods of `period` seconds."""
-        ...
-
-    def step_taken(self, period: float) -> float:
-        """The step taken for periods of `period` seconds, s; NaN for one that takes no steps."""
-        ...
-
-    def seconds(self, lanes: Lanes, period: float) -> np.ndarray:
-        """How long each trial has lasted, s, for periods of `period` seconds."""
-        ...

@@ -13,7 +13,7 @@ from pcjax.physics.state import RUNNING
 from pcjax.physics.step import begin
 from pcjax.simulate.cloud import Cloud
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
-from pcjax.simulate.lanes import Engine, Lanes, Program, lane_axes
+from pcjax.simulate.lanes import Lanes, Program, lane_axes
 from pcjax.simulate.relaxation import NOWHERE, Excursion
 
 
@@ -75,7 +75,7 @@ def advance_block(
 
 
 def roll(
-    engine: Engine,
+    program: Program,
     stacked: Scenario,
     seed: jax.Array,
     periods: int,
@@ -87,14 +87,12 @@ def roll(
     forwards, with respect to every leaf of `stacked`.
 
     Arguments:
-        engine: how trials are run.
+        program: of an engine, for the drive's periods.
         stacked: the conditions, every leaf with the conditions as its first axis.
         seed: trial i depends on (seed, i) alone.
         periods: of the drive.
         lanes: from `Lanes.fresh`.
     """
-
-    program = engine.program(stacked.drive.period)
 
     def going(lanes: Lanes) -> jax.Array:
         over = (lanes.period >= periods - 1) & (lanes.time >= stacked.drive.period)

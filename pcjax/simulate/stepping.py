@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -12,16 +13,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from pcjax.checks import check_between, check_positive
+from pcjax.components import quantity
 from pcjax.geometry import Scalar
 from pcjax.model.scenario import Scenario, World
 from pcjax.physics.state import PAPER_DT, PASSED, RUNNING, State
 from pcjax.physics.step import advance, begin
+from pcjax.simulate.batch import LaneEngine
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
-from pcjax.simulate.lanes import (
-    Lanes,
-    lane_axes,
-)
+from pcjax.simulate.engine import register_engine
+from pcjax.simulate.lanes import Lanes, lane_axes
 from pcjax.simulate.relaxation import Excursion, Layer
 
 _CHUNK = 50
@@ -31,30 +31,25 @@ SHORTEST_STEP, LONGEST_STEP = 1e-6, 0.2
 """Bounds of the solver's step, s."""
 
 
-@dataclass(frozen=True)
-class Stepping:
-    """The engine that takes fixed steps.
+_AUTO_TRAVEL = 0.5
+"""Share of the radius that a step may cover at the speed of a fall through the whole hand."""
+
+
+class FixedSteps(LaneEngine):
+    """An engine that takes steps of one length, a whole number of chunks of 50 in a period of the
+    drive.
 
     Arguments:
-        dt: the step asked for, s. The step taken is the largest one not above it that divides a
-            period of the drive into a whole number of chunks of 50 steps.
-        goal_layer: half width of a relaxed goal, in depths of the channel (see `relaxation`).
-
-    Raises:
-        ValueError: a step outside [1e-6, 0.2] s.
+        goal_layer: see `LaneEngine`.
     """
 
-    dt: float = PAPER_DT
-    goal_layer: float | None = None
-    name = "stepping"
-
-    def __post_init__(self) -> None:
-        check_positive("dt", self.dt)
-        check_between("dt", self.dt, SHORTEST_STEP, LONGEST_STEP)
+    def steps_wanted(self, period: float) -> float:
+        """How many steps a period of `period` seconds should have at least."""
+        raise NotImplementedError
 
     def steps_per_period(self, period: float) -> int:
         """Steps in one period of the drive."""
-        return _CHUNK * math.ceil(period / self.dt / _CHUNK - 1e-9)
+        return _CHUNK * math.ceil(self.steps_wanted(period) / _CHUNK - 1e-9)
 
     def step_taken(self, period: float) -> float:
         """The step taken, s."""
@@ -69,6 +64,68 @@ class Stepping:
         chunks = self.steps_per_period(period) // _CHUNK
         return SteppingProgram(self.step_taken(period), chunks, self.goal_layer, _CHUNK)
 
+    def processor_seconds(self, scenario: Scenario, max_steps: int) -> float:
+        """2.5 ms for a circle and 5 ms for what turns, to 300 s by its usual step."""
+        seconds, usual = (5e-3, 0.01) if scenario.body.turns else (2.5e-3, 0.02)
+        finer = usual / self.step_taken(scenario.drive.period)
+        return seconds * finer * max_steps / 300_000
+
+
+@register_engine("stepping")
+class Stepping(FixedSteps):
+    """The engine that takes steps of a given length.
+
+    Arguments:
+        dt: the step asked for, s. The step taken is the largest one not above it that divides a
+            period of the drive into a whole number of chunks of 50 steps.
+        goal_layer: see `LaneEngine`.
+
+    Raises:
+        ValueError: a step outside [1e-6, 0.2] s.
+    """
+
+    dt: float = quantity(
+        "time",
+        "the solver's step",
+        default=PAPER_DT,
+        low=SHORTEST_STEP,
+        high=LONGEST_STEP,
+        key="dt",
+        static=True,
+    )
+
+    noun = "stepping"
+    summary = "fixed steps, for everything"
+    preference = 0
+
+    @classmethod
+    def suited(cls, scenarios: Sequence[Scenario]) -> Stepping:
+        """With a step that is safe in all of these."""
+        return cls(min(map(safe_step, scenarios)))
+
+    def steps_wanted(self, period: float) -> float:
+        """As many as `dt` asks for."""
+        return period / self.dt
+
+
+def safe_step(scenario: Scenario) -> float:
+    """A step in which a fall through the whole hand covers a modest share of the radius.
+
+    Raises:
+        ValueError: that is a shorter step than there may be.
+    """
+    hand, drive = scenario.hand, scenario.drive
+    reach = float(hand.palm_length) + max(float(sum(ls)) for ls in hand.lengths)
+    speed = drive.top_speed(reach)
+    radius = float(scenario.body.radius)
+    if _AUTO_TRAVEL * radius < SHORTEST_STEP * speed:
+        raise ValueError(
+            f"the radius {radius:g} is too small for a hand of {reach:g} under gravity: the object "
+            f"would need steps below {SHORTEST_STEP:g} s"
+        )
+    longest = min(drive.longest_step, scenario.body.longest_step)
+    return min(longest, _AUTO_TRAVEL * radius / max(speed, 1e-9))
+
 
 class SteppingProgram(eqx.Module):
     """Steps of one length, as many as a period has.
@@ -76,7 +133,7 @@ class SteppingProgram(eqx.Module):
     Arguments:
         dt: the step, s.
         chunks: how often `chunk` steps make a period.
-        goal_layer: see `Stepping`.
+        goal_layer: see `LaneEngine`.
         chunk: steps between two looks at whether anybody is still under way.
     """
 

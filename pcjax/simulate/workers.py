@@ -17,7 +17,7 @@ from pcjax.geometry import Vec
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import INVALID, PAPER_DT, PASSED, RUNNING
-from pcjax.simulate.lanes import Engine, Lanes
+from pcjax.simulate.lanes import Lanes
 from pcjax.simulate.outcomes import LIMIT, Outcomes, paper_steps
 from pcjax.simulate.rounds import advance_block
 
@@ -41,12 +41,23 @@ def crew_of(devices: Sequence[Any], workers: int | None) -> list[Any]:
 
 
 class Ledger:
-    """The trials that wait and the results so far, shared by the workers."""
+    """The trials that wait and the results so far, shared by the workers.
+
+    Arguments:
+        scenarios: of one structure.
+        seconds: how long each trial of some lanes has lasted, s.
+        outcomes: to be filled in.
+        first: number of the first trial.
+    """
 
     def __init__(
-        self, scenarios: Sequence[Scenario], engine: Engine, outcomes: Outcomes, first: int
+        self,
+        scenarios: Sequence[Scenario],
+        seconds: Callable[[Lanes], np.ndarray],
+        outcomes: Outcomes,
+        first: int,
     ) -> None:
-        self._regions = None if engine.goal_layer is not None else _regions(scenarios)
+        self._regions = None if outcomes.excursion is not None else _regions(scenarios)
         self._radii = np.array([float(scenario.body.radius) for scenario in scenarios])
         self._outcomes = outcomes
         self._first = first
@@ -57,7 +68,7 @@ class Ledger:
         self._suspended: list[Lanes] = []
         self._busy = 0
         self._max_steps = outcomes.max_steps
-        self._engine = engine
+        self._seconds = seconds
         self._period = scenarios[0].drive.period
         self.last_period = -(-outcomes.max_steps // round(self._period / PAPER_DT)) - 1
 
@@ -106,8 +117,7 @@ class Ledger:
     def collect(self, lanes: Lanes, ran: np.ndarray) -> None:
         """Takes down which of the trials that `ran` in the last call have ended."""
         state, status = lanes.state, np.asarray(lanes.state.status)
-        seconds = self._engine.seconds(lanes, self._period)
-        steps = paper_steps(seconds)
+        steps = paper_steps(self._seconds(lanes))
         late = (status == PASSED) & (steps > self._max_steps)
         all_over = (lanes.period >= self.last_period) & (lanes.time >= self._period)
         out_of_time = (status == RUNNING) & all_over

@@ -22,7 +22,7 @@ from pcjax.results.provenance import conditions, provenance
 from pcjax.results.schema import INDICES, WATCHED, dataset_of
 from pcjax.simulate.batch import run
 from pcjax.simulate.choose import choose_engine
-from pcjax.simulate.lanes import Engine
+from pcjax.simulate.engine import Engine
 from pcjax.simulate.outcomes import LIMIT, Outcomes
 from pcjax.study.spec import Run, Study
 
@@ -38,7 +38,7 @@ def evaluate(
     trials: int = 5000,
     max_steps: int | None = None,
     seed: int = 0,
-    engine: str = "auto",
+    engine: str | Engine = "auto",
     dt: float | None = None,
     precision: int = 32,
     progress: bool = False,
@@ -58,8 +58,9 @@ def evaluate(
         max_steps: limit in the paper's steps of 0.001 s; the paper's unless given: 600,000 for a
             circle on the wrist, 300,000 on the arm, 180,000 for a stick.
         seed: trial i is the same experiment for every hand evaluated with the same seed.
-        engine: "auto", "event" or "stepping" (see `choose_engine`).
-        dt: the solver's step in seconds, for stepping; chosen by the engine unless given.
+        engine: one, or the kind of one with its usual parameters, such as "event" or "stepping", or
+            "auto" (see `choose_engine`).
+        dt: the solver's step in seconds, for an engine that has one; chosen by it unless given.
         precision: 32 or 64 bits.
         progress: whether to show a progress bar on stderr.
 
@@ -108,7 +109,7 @@ def evaluate_study(study: Study, *, progress: bool = False) -> Evaluation:
     period = next(iter(scenarios.values())).drive.period
     settings = {
         "seed": run_as.seed,
-        "engine": _names(chosen),
+        "engine": _provenance_of(chosen),
         "dt": np.fmin.reduce([engine.step_taken(period) for engine in chosen]),
         "precision": run_as.precision,
         "wall_seconds": time.perf_counter() - began,
@@ -125,7 +126,7 @@ def evaluate_grid(
     trials: int,
     max_steps: int,
     seed: int = 0,
-    engine: str = "auto",
+    engine: str | Engine = "auto",
     dt: float | None = None,
     precision: int = 32,
     progress: bool = False,
@@ -207,7 +208,7 @@ def evaluate_grid(
                 "trials_right": int(valid.sum()),
                 "max_steps": max_steps,
                 "seed": seed,
-                "engine": _names(chosen),
+                "engine": _provenance_of(chosen),
                 "precision": precision,
                 "wall_seconds": time.perf_counter() - began,
                 **conditions(scenarios),
@@ -225,8 +226,8 @@ def as_attribute(study: Study) -> dict[str, str]:
         return {}
 
 
-def _names(engines: Sequence[Engine]) -> str:
-    return ", ".join(dict.fromkeys(engine.name for engine in engines))
+def _provenance_of(engines: Sequence[Engine]) -> str:
+    return ", ".join(dict.fromkeys(engine.provenance for engine in engines))
 
 
 def _run_each(

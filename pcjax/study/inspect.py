@@ -157,7 +157,7 @@ def _view(study: Study, direction: str) -> View:
         engine = choose_engine(run.engine, run.dt, scenario)
     except ValueError as error:
         return View(str(error))
-    told = engines_text(engine.name, engine.step_taken(study.drive.period))
+    told = engines_text(engine.provenance, engine.step_taken(study.drive.period))
     return View("", gap, (_starts(scenario, 0.0), _starts(scenario, 0.9)), told)
 
 

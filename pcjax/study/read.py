@@ -23,8 +23,9 @@ from pcjax.model.drives.base import DRIVES, Drive
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import HANDS
 from pcjax.results.files import read_plain
-from pcjax.simulate.choose import ENGINES
-from pcjax.study.spec import MOST_CONDITIONS, Run, Study, Sweep
+from pcjax.simulate.choose import engine_names
+from pcjax.simulate.engine import ENGINES
+from pcjax.study.spec import MOST_CONDITIONS, Run, Study, Sweep, own_parameters
 from pcjax.words import InputWarning, did_you_mean, one_line
 
 C = TypeVar("C", bound=Component)
@@ -217,16 +218,7 @@ class _Reader:
         """
         chosen = registry[kind]
         known = {what.file_key: what for what in quantities(chosen).values() if what.key}
-        for other in self.table(where):
-            if other in (key, *known):
-                continue
-            kinds = [k for k, component in registry.items() if other in _keys(component)]
-            if kinds:
-                raise ValueError(
-                    f"[{where}] {other} does not apply to the {registry.noun} {kind}: it belongs "
-                    f"to {' and '.join(kinds)}"
-                )
-        table = self.table(where, (key, *known))
+        table = self.table_of(where, registry, kind, (key, *known))
         given: dict[str, Any] = {}
         for name, what in known.items():
             if name in table:
@@ -272,13 +264,18 @@ class _Reader:
         return self.sound("contact", lambda: ContactLaw(**given))
 
     def run(self) -> Run:
-        usual = Run()
-        table = self.table("run", tuple(vars(usual)))
-        given: dict[str, Any] = {}
-        for name in ("direction", "engine"):
-            if name in table:
-                names = ("does", "eoen", "both") if name == "direction" else ENGINES
-                given[name] = self.word("run", name, names, None)
+        settings = tuple(vars(Run()))
+        kind = self.word("run", "engine", engine_names(), "auto")
+        own = {} if kind == "auto" else own_parameters(ENGINES[kind])
+        table = self.table_of("run", ENGINES, kind, (*settings, *own))
+        given: dict[str, Any] = {"engine": kind}
+        if own:
+            values = {
+                own[key].name: self.value("run", key, own[key]) for key in own if key in table
+            }
+            given["engine"] = self.sound("run", lambda: ENGINES[kind](**values))
+        if "direction" in table:
+            given["direction"] = self.word("run", "direction", ("does", "eoen", "both"), None)
         for name in ("trials", "max_steps", "seed", "precision"):
             if name in table:
                 given[name] = self.count("run", name)
@@ -351,6 +348,21 @@ class _Reader:
         if keys is not None:
             self.known(f"[{name}] ", found, keys)
         return found
+
+    def table_of(
+        self, where: str, registry: Registry[Any], kind: str, keys: Sequence[str]
+    ) -> Mapping[str, Any]:
+        """A table that may have these keys; it says so where another one is of another kind."""
+        for other in self.table(where):
+            if other in keys:
+                continue
+            kinds = [k for k, component in registry.items() if other in _keys(component)]
+            if kinds:
+                raise ValueError(
+                    f"[{where}] {other} does not apply to the {registry.noun} {kind}: it belongs "
+                    f"to {' and '.join(kinds)}"
+                )
+        return self.table(where, keys)
 
     def number(self, where: str, key: str) -> float:
         value = self.table(where).get(key)

@@ -7,9 +7,10 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from pcjax.checks import check_between, check_count, check_kind
-from pcjax.components import Component
+from pcjax.components import Component, Quantity, quantities
 from pcjax.model.bodies.base import BODIES, Body
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.contact import ContactLaw
@@ -24,7 +25,8 @@ from pcjax.model.scenario import (
     default_direction,
     usual_max_steps,
 )
-from pcjax.simulate.choose import ENGINES
+from pcjax.simulate.choose import check_engine
+from pcjax.simulate.engine import Engine
 from pcjax.study.vary import change
 from pcjax.study.write import hand_table, text_of
 
@@ -45,8 +47,9 @@ class Run:
         max_steps: limit in steps of 0.001 s; the paper's unless given.
         seed: trial i depends on (seed, i) alone.
         start_spread: of the starts, in palm lengths.
-        engine: "auto", "event" or "stepping".
-        dt: the solver's step, s; chosen by the engine unless given.
+        engine: one, or the kind of one with its usual parameters, such as "event" or "stepping", or
+            "auto" (see `choose_engine`).
+        dt: the solver's step, s, for an engine that has one; chosen by the engine unless given.
         precision: 32 or 64 bits.
         precision_target: in a sweep, a condition has trials enough once half its 95 % interval is
             this share of its score (of index 1 where there is no score).
@@ -60,7 +63,7 @@ class Run:
     max_steps: int | None = None
     seed: int = 0
     start_spread: float = 0.1
-    engine: str = "auto"
+    engine: str | Engine = "auto"
     dt: float | None = None
     precision: int = 32
     precision_target: float | None = None
@@ -68,12 +71,12 @@ class Run:
     def __post_init__(self) -> None:
         for name, value, names in (
             ("direction", self.direction, (None, *DIRECTIONS, "both")),
-            ("engine", self.engine, ENGINES),
             ("precision", self.precision, (32, 64)),
         ):
             if value not in names:
                 allowed = ", ".join(str(n) for n in names if n is not None)
                 raise ValueError(f"{name} is {value!r}: it has to be one of {allowed}")
+        check_engine(self.engine)
         check_count("trials", self.trials, 1, 2**31 - 1)
         if self.max_steps is not None:
             check_count("max_steps", self.max_steps, 1, 2**31 - 1)
@@ -83,6 +86,31 @@ class Run:
             check_between("dt", self.dt, 1e-6, 1.0)
         if self.precision_target is not None:
             check_between("precision_target", self.precision_target, 1e-4, 1.0)
+
+    def as_table(self) -> dict[str, Any]:
+        """Its settings by their names in study files, with the engine's parameters; what is not set
+        is left out.
+
+        Raises:
+            ValueError: the engine is of a class that is not registered.
+        """
+        table: dict[str, Any] = {}
+        for name, value in vars(self).items():
+            if isinstance(value, Engine):
+                table |= {"engine": value.name} | value.as_table()
+            elif value is not None:
+                table[name] = value
+        return table
+
+
+def own_parameters(engine: type[Engine]) -> dict[str, Quantity]:
+    """The parameters of an engine by their names in study files, but for those that every run has,
+    such as `dt`."""
+    return {
+        what.file_key: what
+        for what in quantities(engine).values()
+        if what.key and what.key not in Run.__dataclass_fields__
+    }
 
 
 @dataclass(frozen=True)
@@ -197,8 +225,15 @@ class Study:
 
     @property
     def components(self) -> dict[str, Component]:
-        """What moves and is moved, by the tables of a study file."""
-        return {"body": self.body, "drive": self.drive, "contact": self.law}
+        """What has numbers of its own, by the tables of a study file."""
+        found: dict[str, Component] = {
+            "body": self.body,
+            "drive": self.drive,
+            "contact": self.law,
+        }
+        if isinstance(self.run.engine, Engine):
+            found["run"] = self.run.engine
+        return found
 
     def scenarios(self) -> dict[str, Scenario]:
         """The scenario in each direction.
@@ -234,21 +269,22 @@ class Study:
                 continue
             hand, parts = change(study.hand, study.components, name, value)
             body, drive, law = parts["body"], parts["drive"], parts["contact"]
-            study = replace(study, hand=hand, body=body, drive=drive, law=law)
+            run = replace(study.run, engine=parts.get("run", study.run.engine))
+            study = replace(study, hand=hand, body=body, drive=drive, law=law, run=run)
         return study
 
     def to_toml(self) -> str:
         """The study as a file's text; lengths in model units, angles in degrees.
 
         Raises:
-            ValueError: the body or the drive is of a class that is not registered.
+            ValueError: the body, the drive or the engine is of a class that is not registered.
         """
         tables = {
             "hand": hand_table(self.hand),
             "body": {"kind": BODIES.kind_of(self.body)} | self.body.as_table(),
             "drive": {"kind": DRIVES.kind_of(self.drive)} | self.drive.as_table(),
             "contact": self.law.as_table(),
-            "run": {k: v for k, v in vars(self.run).items() if v is not None},
+            "run": self.run.as_table(),
         }
         if self.sweep is not None:
             mode = {"mode": "zip"} if self.sweep.zipped else {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +12,7 @@ from pcjax.checks import check_count
 from pcjax.model.scenario import Scenario, check_geometry
 from pcjax.simulate.batch import run
 from pcjax.simulate.choose import choose_engine
-from pcjax.simulate.lanes import Engine
+from pcjax.simulate.engine import Engine
 from pcjax.simulate.outcomes import Outcomes
 from pcjax.study.spec import Study
 
@@ -22,9 +21,6 @@ BLOCK = 1000
 
 _CONDITIONS = 16
 """Conditions, each in one direction, in a part."""
-
-_COST = {"event": 0.18e-3, "circle": 2.5e-3, "stick": 5e-3}
-"""Rough processor seconds of a trial of the paper's length, on a core of 2023."""
 
 
 @dataclass(frozen=True)
@@ -111,20 +107,11 @@ class Plan:
 
     def seconds(self, cores: int) -> float:
         """About how long it will take, going by typical speeds."""
-        total = 0.0
-        for cell in self.cells.values():
-            kind = "event" if cell.engine.name == "event" else "circle"
-            kind = "stick" if cell.scenario.body.turns else kind
-            usual = 0.02 if kind == "circle" else 0.01
-            step = cell.engine.step_taken(cell.scenario.drive.period)
-            finer = 1.0 if math.isnan(step) else usual / step
-            length = (
-                self.study.max_steps / 300_000
-                if kind != "event"
-                else (self.study.max_steps / 600_000)
-            )
-            total += _COST[kind] * finer * length * self.study.run.trials
-        return total / cores
+        total = sum(
+            cell.engine.processor_seconds(cell.scenario, self.study.max_steps)
+            for cell in self.cells.values()
+        )
+        return total * self.study.run.trials / cores
 
     def describe(self, cores: int) -> str:
         """What is about to be done, in a line; with another on conditions that cannot be run."""

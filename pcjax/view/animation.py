@@ -31,8 +31,8 @@ from pcjax.checks import check_between
 from pcjax.model.scenario import Scenario, check_geometry, usual_max_steps
 from pcjax.physics.state import INVALID, PASSED
 from pcjax.progress import progress_bar
-from pcjax.simulate.choose import safe_step
 from pcjax.simulate.replay import Frames, Recording, pick_trial, record
+from pcjax.simulate.stepping import safe_step
 from pcjax.view.scene import draw_scene
 from pcjax.view.shapes import COLOURS
 

@@ -100,6 +100,24 @@ class Drive(Component):
         """
         raise NotImplementedError
 
+    def steady_interval(self, drift: Scalar) -> Scalar:
+        """Seconds for which gravity may be taken as constant, where it is `steady_in_between`.
+
+        Arguments:
+            drift: how far that may lead the object astray, a length.
+        """
+        raise NotImplementedError
+
+    def steady(self, swing: Any, time: Scalar, interval: Scalar) -> tuple[Vec, Scalar]:
+        """A pull that stands for gravity from `time` (s) of a period on, and until when.
+
+        Arguments:
+            swing: from `swing`.
+            time: of the period, s.
+            interval: from `steady_interval`.
+        """
+        raise NotImplementedError
+
     def top_speed(self, reach: float) -> float:
         """About the highest speed of an object in a hand of length `reach`, for plain numbers.
 

@@ -1,0 +1,110 @@
+"""What an engine tells about itself: what it can run, how well, and by which name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar, Self
+
+from pcjax.components import Component, Registry, quantities
+from pcjax.model.scenario import Scenario
+from pcjax.simulate.cloud import Cloud
+from pcjax.simulate.outcomes import Outcomes
+
+ENGINES: Registry[Engine] = Registry(
+    "engine", "pcjax.engines", ("pcjax.simulate.event", "pcjax.simulate.stepping")
+)
+"""How trials are run, as study files and flags can name it."""
+
+register_engine = ENGINES.register
+
+
+class Engine(Component):
+    """How trials are run.
+
+    Its parameters are declared with `quantity`, each with a default, since an engine may be named
+    alone. One that runs blocks of trials as a compiled program is a
+    `pcjax.simulate.batch.LaneEngine`.
+
+    Attributes:
+        noun: what messages call it.
+        summary: what it does and for what, in a few words, for help and tables.
+        preference: where no engine is named, the one of highest preference that can run the
+            scenario is taken. Each class speaks for itself: without a number in its own body it is
+            taken only where it is named.
+    """
+
+    noun: ClassVar[str] = "this engine"
+    summary: ClassVar[str] = "without a summary"
+    preference: ClassVar[float | None] = None
+
+    @property
+    def name(self) -> str:
+        """What files, flags and results call it.
+
+        Raises:
+            ValueError: its class is not registered.
+        """
+        return ENGINES.kind_of(self)
+
+    @property
+    def provenance(self) -> str:
+        """Its name and parameters, as results keep them; they keep the step taken apart."""
+        given = {key: value for key, value in self.as_table().items() if key != "dt"}
+        told = ", ".join(f"{key} = {value:g}" for key, value in given.items())
+        return f"{self.name} ({told})" if told else self.name
+
+    @property
+    def relaxed(self) -> bool:
+        """Whether the goal is spread over a layer, so that outcomes have an excursion."""
+        return False
+
+    @classmethod
+    def obstacle(cls, scenario: Scenario) -> str | None:
+        """Why it cannot run a scenario; None where it can."""
+        return None
+
+    @classmethod
+    def suited(cls, scenarios: Sequence[Scenario]) -> Self:
+        """With the parameters that accuracy asks for in these scenarios, where none are given."""
+        return cls()
+
+    def step_taken(self, period: float) -> float:
+        """The step taken for periods of `period` seconds, s; NaN for one that takes no steps."""
+        return float("nan")
+
+    def processor_seconds(self, scenario: Scenario, max_steps: int) -> float:
+        """About how long a trial takes a core of 2023, for a forecast."""
+        raise NotImplementedError
+
+    def fill(
+        self,
+        outcomes: Outcomes,
+        scenarios: Sequence[Scenario],
+        *,
+        first: int,
+        seed: int,
+        precision: int,
+        block: int | None,
+        workers: int | None,
+        progress: bool,
+        cloud: Cloud | None,
+    ) -> None:
+        """Runs the trials from `first` on of every scenario, as many as `outcomes` has room for.
+
+        Arguments:
+            outcomes: blank arrays, filled in here; those that are None are not wanted.
+            scenarios, first, seed, precision, block, workers, progress, cloud: as for
+                `pcjax.simulate.batch.run`, and checked.
+        """
+        raise NotImplementedError
+
+
+def in_order_of_preference() -> list[type[Engine]]:
+    """The engines that may be taken where none is named, the first choice first."""
+    found = [kind for _, kind in ENGINES.items() if vars(kind).get("preference") is not None]
+    return sorted(found, key=lambda kind: -vars(kind)["preference"])
+
+
+def takes_dt(engine: type[Engine]) -> bool:
+    """Whether the solver's step is a parameter of an engine."""
+    return "dt" in quantities(engine)
