@@ -6,11 +6,17 @@ import re
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import pcjax
 from pcjax.cli import main
+from pcjax.components import Registry
+from pcjax.model.bodies.base import BODIES
+from pcjax.model.drives.base import DRIVES
+from pcjax.model.presets import HANDS
+from pcjax.simulate.engine import ENGINES
 
 ROOT = Path(__file__).parent.parent
 SMALL = ("--trials", "20", "--max-steps", "20000")
@@ -58,12 +64,20 @@ def check_files_written(words: list[str], folder: Path) -> None:
             assert (folder / words[k + 1]).stat().st_size > 300
 
 
+def keep_registered(registry: Registry[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forgets after a test what it has registered."""
+    registry.kinds()  # imports the package's own
+    monkeypatch.setattr(registry, "_classes", dict(registry._classes))
+
+
 def run_page(page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Runs everything that a page shows from top to bottom, in one folder and one Python process.
 
     Files are written, commands and Python run; trials and limits are smaller than shown.
     """
     monkeypatch.chdir(folder)
+    for registry in (BODIES, DRIVES, ENGINES, HANDS):
+        keep_registered(registry, monkeypatch)
     # Where a block gives no number of trials it gets a small one, too.
     defaults = dict(pcjax.evaluate.__kwdefaults__ or {}) | {"trials": 20, "max_steps": 20_000}
     monkeypatch.setattr(pcjax.evaluate, "__kwdefaults__", defaults)

@@ -15,6 +15,7 @@ from pcjax.model.bodies.circle import Circle
 from pcjax.model.bodies.stick import Stick
 from pcjax.model.drives.base import DRIVES
 from pcjax.model.presets import HANDS
+from pcjax.simulate.engine import ENGINES
 
 
 def test_every_kind_is_there_whatever_was_imported() -> None:
@@ -29,11 +30,11 @@ def test_every_kind_is_there_whatever_was_imported() -> None:
 
 
 def test_declared_names_are_unique_and_every_parameter_says_what_it_is() -> None:
-    for registry in (BODIES, DRIVES, HANDS):
+    for registry in (BODIES, DRIVES, ENGINES, HANDS):
         for kind in registry.kinds():
             declared = quantities(registry[kind]).values()
             keys = [what.file_key for what in declared if what.key]
-            assert len(set(keys)) == len(keys) > 0
+            assert len(set(keys)) == len(keys)
             assert all(what.help for what in declared)
 
 
@@ -67,14 +68,21 @@ def test_a_package_offers_its_class_by_an_entry_point(tmp_path: Path) -> None:
         "    @property\n"
         "    def width(self):\n"
         "        return 2 * self.radius\n"
+        "from pcjax.simulate.stepping import FixedSteps\n"
+        "class Beats(FixedSteps):\n"
+        "    steps: float = quantity('1', 'in a period', default=500, key='beats', static=True)\n"
+        "    def steps_wanted(self, period):\n"
+        "        return self.steps\n"
     )
     package = tmp_path / "own_things-1.0.dist-info"
     package.mkdir()
     (package / "METADATA").write_text("Metadata-Version: 2.1\nName: own-things\nVersion: 1.0\n")
     points = "[pcjax.bodies]\npuck = own_things:Puck\nbroken = own_things:Nothing\n"
+    points += "[pcjax.engines]\nbeats = own_things:Beats\n"
     (package / "entry_points.txt").write_text(points)
     (tmp_path / "own.toml").write_text(
         '[body]\nkind = "puck"\nradius = 20\ngloss = 0.25\n[hand]\npreset = "box"\n'
+        '[run]\nengine = "beats"\nbeats = 400\n'
     )
     path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
 
@@ -92,6 +100,8 @@ def test_a_package_offers_its_class_by_an_entry_point(tmp_path: Path) -> None:
         done = command("inspect", *words)
         assert done.returncode == 0, done.stderr
         assert "puck of radius 20" in done.stdout
+        how = "beats (beats = 400) engine (dt = 0.025 s)" if words == ["own.toml"] else "stepping"
+        assert how in done.stdout
     refused = command("inspect", "--body", "broken")
     assert refused.returncode == 2
     assert "own_things:Nothing" in refused.stderr

@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 import pcjax
+from pcjax.simulate.engine import ENGINES
 from tests.shown import ROOT, SMALL, blocks, run_page
 
 DOCS = ROOT / "docs"
@@ -79,6 +80,11 @@ def test_everything_shown_runs(page: Path, tmp_path: Path, monkeypatch: pytest.M
 
 def test_pages_that_show_something() -> None:
     assert {"tutorial.md", "extending.md"} <= {page.name for page in SHOWING}
+
+
+def test_the_table_of_engines_is_what_they_say_of_themselves() -> None:
+    rows = "".join(f"| `{kind}` | {engine.summary} |\n" for kind, engine in ENGINES.items())
+    assert f"| --- | --- |\n{rows}\n" in (DOCS / "how-to" / "evaluate.md").read_text()
 
 
 def test_setup_in_the_tutorial_is_the_one_in_the_readme() -> None:

@@ -6,7 +6,7 @@ import argparse
 import importlib
 import os
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -65,29 +65,32 @@ def _add_engine(parser: argparse.ArgumentParser) -> None:
         default=None,
         help=f"how trials are run. {told} (default: auto, the fastest of them that is accurate)",
     )
-    for kind, what in _of_engines():
+    for flag, owners in _flags_of_engines().items():
+        what = next(iter(owners.values()))
         unit = f", {what.unit_in_words}" if what.unit_in_words else ""
         try:
             parser.add_argument(
-                f"--{what.flag}",
+                f"--{flag}",
                 type=number,
                 default=None,
-                metavar=what.flag.rsplit("-", 1)[-1][0].upper(),
-                help=f"of the engine {kind}: {what.help}{unit} (default: "
+                metavar=flag.rsplit("-", 1)[-1][0].upper(),
+                help=f"of engine {' and '.join(owners)}: {what.help}{unit} (default: "
                 f"{what.to_file(what.default):g})",
             )
         except argparse.ArgumentError:
             raise ValueError(
-                f"the engine {kind} has a flag --{what.flag}, which is another one's already"
+                f"--{flag}, a flag of engine {' and '.join(owners)}, is another one's already"
             ) from None
 
 
-def _of_engines() -> Iterator[tuple[str, Quantity]]:
-    """Every flag of an engine, with the engine's kind."""
+def _flags_of_engines() -> dict[str, dict[str, Quantity]]:
+    """The parameters that have a flag, by that and by the kinds of engines that have them."""
+    flags: dict[str, dict[str, Quantity]] = {}
     for kind, engine in ENGINES.items():
         for what in own_parameters(engine).values():
             if what.flag:
-                yield kind, what
+                flags.setdefault(what.flag, {})[kind] = what
+    return flags
 
 
 def _engine_said(arguments: argparse.Namespace, usual: str | Engine) -> str | Engine:
@@ -99,16 +102,17 @@ def _engine_said(arguments: argparse.Namespace, usual: str | Engine) -> str | En
     before = usual if isinstance(usual, str) else usual.name
     kind = arguments.engine or before
     engine = usual if kind == before else kind
-    for owner, what in _of_engines():
-        value = getattr(arguments, what.flag.replace("-", "_"))
+    for flag, owners in _flags_of_engines().items():
+        value = getattr(arguments, flag.replace("-", "_"))
         if value is None:
             continue
-        if owner != kind:
+        if kind not in owners:
             raise ValueError(
-                f"--{what.flag} does not apply to the engine {kind}: it belongs to {owner}"
+                f"--{flag} does not apply to the engine {kind}: it belongs to "
+                f"{' and '.join(owners)}"
             )
         made = ENGINES[kind]() if isinstance(engine, str) else engine
-        engine = made.having(**{what.name: what.from_file(value)})
+        engine = made.having(**{owners[kind].name: owners[kind].from_file(value)})
     return engine
 
 

@@ -40,7 +40,7 @@ from pcjax.geometry import (
 )
 from pcjax.model.scenario import Scenario, World, gap_of
 from pcjax.physics.contact.circle import Contact, move_circle, two_nearest
-from pcjax.physics.contact.table import contact_of
+from pcjax.physics.contact.table import registered_contact
 from pcjax.physics.response import Angle, impacts_in_turn, least_push
 from pcjax.physics.state import INVALID, PASSED, RUNNING
 from pcjax.simulate.batch import LaneEngine
@@ -90,7 +90,7 @@ class EventDriven(LaneEngine):
     @classmethod
     def obstacle(cls, scenario: Scenario) -> str | None:
         """Why it does not apply to a scenario; None where it does."""
-        circle = contact_of(scenario.body) is move_circle
+        circle = registered_contact(scenario.body) is move_circle
         if not (scenario.drive.steady_in_between and circle):
             return "it knows a circle in a hand that a wrist tilts"
         if scenario.law.smoothing is not None:

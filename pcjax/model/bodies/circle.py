@@ -27,7 +27,7 @@ class Circle(Body):
         ValueError: radius is -1: it has to be above 0
     """
 
-    radius: Scalar = size_field("r_o")
+    radius: Scalar = size_field("radius r_o")
     mass: Scalar = quantity("mass", "M_o", default=1.0, low=0, above=True)
 
     noun = "circle of radius"

@@ -34,7 +34,7 @@ class Stick(Body):
         833.3
     """
 
-    half_length: Scalar = size_field("r_o, its half length")
+    half_length: Scalar = size_field("half length r_o")
     orientation: Scalar = quantity(
         "angle",
         "its angle from the palm at the start",

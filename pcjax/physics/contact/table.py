@@ -36,16 +36,22 @@ def register_contact(kind: type[Body]) -> Callable[[F], F]:
     return add
 
 
+def registered_contact(body: Body) -> Contact | None:
+    """The function for a body: that of its class, or of the nearest one it is derived from; None if
+    there is none."""
+    return next((CONTACTS[kind] for kind in type(body).__mro__ if kind in CONTACTS), None)
+
+
 def contact_of(body: Body) -> Contact:
-    """The function for a body: that of its class, or of the nearest one it is derived from.
+    """The function for a body (see `registered_contact`).
 
     Raises:
         TypeError: there is none.
     """
-    for kind in type(body).__mro__:
-        if kind in CONTACTS:
-            return CONTACTS[kind]
-    raise TypeError(
-        f"nothing says how a {type(body).__name__} moves: register a function with "
-        "pcjax.physics.contact.table.register_contact"
-    )
+    found = registered_contact(body)
+    if found is None:
+        raise TypeError(
+            f"nothing says how a {type(body).__name__} moves: register a function with "
+            "pcjax.physics.contact.table.register_contact"
+        )
+    return found
