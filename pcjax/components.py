@@ -286,9 +286,14 @@ class Registry(Generic[C]):
         return add
 
     def kinds(self) -> tuple[str, ...]:
-        """All kinds, those of installed packages among them, by the alphabet."""
+        """All kinds: this package's, in the order in which it names their modules, then others."""
         self._import_own()
-        return tuple(sorted({*self._classes, *(e.name for e in self._offered)}))
+        places = {module: k for k, module in enumerate(self._own)}
+        known = sorted(
+            self._classes,
+            key=lambda kind: places.get(self._classes[kind].__module__, len(places)),
+        )
+        return tuple(dict.fromkeys([*known, *(offer.name for offer in self._offered)]))
 
     def items(self) -> Iterator[tuple[str, type[C]]]:
         """All kinds with their classes, but for those of packages that cannot be imported: they

@@ -12,7 +12,7 @@ from pcjax.geometry import Flag, Mirror, Scalar, Vec
 from pcjax.model.motion import Carry, Motion
 
 DRIVES: Registry[Drive] = Registry(
-    "drive", "pcjax.drives", ("pcjax.model.drives.arm", "pcjax.model.drives.wrist")
+    "drive", "pcjax.drives", ("pcjax.model.drives.wrist", "pcjax.model.drives.arm")
 )
 """What moves the hand, as study files and flags can name it."""
 
