@@ -129,7 +129,7 @@ _OBJECT = {
         (EACH,), "real", "length", "the narrowest gap the object fits through", 0
     )
 }
-_DT = {"dt": Variable((EACH,), "real", "s", "the solver's step; NaN: event-driven", 0, nan=True)}
+_DT = {"dt": Variable((EACH,), "real", "s", "the solver's step; NaN: it took none", 0, nan=True)}
 _SKIN = {
     "skin": Variable(
         (EACH,), "real", "length", "distance from limbs at which a stick is held", 0, nan=True
