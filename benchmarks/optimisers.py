@@ -66,7 +66,7 @@ def main() -> None:
     arguments = parser.parse_args()
     task = Task(Circle(25.0), WristTilt(), ("does", "eoen"), arguments.max_steps)
     surrogate = Surrogate(task, trials=arguments.trials)
-    space = design_space(box_hand(), ["fingertip_angle", "fingertip_length"], 50.0)
+    space = design_space(box_hand(), ["fingertip_angle_deg", "fingertip_length"], 50.0)
     settings = Settings(
         iterations=arguments.iterations,
         check_every=100_000,

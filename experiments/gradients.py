@@ -20,7 +20,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pcjax.design.gradients import Differences, Estimator, Gradient, Pathwise, mixed
-from pcjax.design.space import DesignSpace, design_space
+from pcjax.design.space import DesignSpace, design_space, labelled
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.drives.arm import PlanarArm
 from pcjax.model.drives.wrist import WristTilt
@@ -60,7 +60,7 @@ WRIST = {
 ARM = [(55, 90), (65, 100), (70, 80), (60, 110)]
 EIGHT = "eight parameters"
 ONE_SIDED = [
-    f"{kind}_{finger}{joint}"
+    labelled(f"{kind}_{finger}{joint}")
     for finger in (1, 2)
     for kind, joint in (
         ("fingertip_angle", ""),
@@ -77,12 +77,14 @@ def groups() -> list[tuple[str, Surrogate, DesignSpace, list[np.ndarray]]]:
     found = []
     for radius, designs in WRIST.items():
         unit = paper.WRIST_PALM_LENGTH
-        space = design_space(box_hand(), ["fingertip_angle", "fingertip_length"], 2 * radius)
+        space = design_space(box_hand(), ["fingertip_angle_deg", "fingertip_length"], 2 * radius)
         task = Task(Circle(radius), WristTilt(), ("does", "eoen"), paper.WRIST_MAX_STEPS)
         at = [np.array([angle, share * unit]) for angle, share in designs]
         found.append((f"wrist, r = {radius:g}", Surrogate(task), space, at))
     body = Circle(paper.ARM_RADIUS)
-    space = design_space(two_joint_hand(), ["joint_angle_1", "joint_angle_2"], 2 * paper.ARM_RADIUS)
+    space = design_space(
+        two_joint_hand(), ["joint_angle_1_deg", "joint_angle_2_deg"], 2 * paper.ARM_RADIUS
+    )
     task = Task(body, PlanarArm(), ("does",), paper.ARM_MAX_STEPS)
     found.append(("arm", Surrogate(task), space, [np.array(angles, float) for angles in ARM]))
     unit = paper.WRIST_PALM_LENGTH

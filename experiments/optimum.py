@@ -38,11 +38,11 @@ RESULTS = Path(__file__).parent / "results"
 UNSEEN = 777
 PARTS = ("grid", "two", "arm", "five")
 RADIUS, UNIT = 25.0, paper.WRIST_PALM_LENGTH
-BOUNDS = {"fingertip_angle": (-30.0, 45.0), "fingertip_length": (0.05 * UNIT, 0.35 * UNIT)}
+BOUNDS = {"fingertip_angle_deg": (-30.0, 45.0), "fingertip_length": (0.05 * UNIT, 0.35 * UNIT)}
 STARTS = [(-20, 0.1), (40, 0.1), (0, 0.3), (-30, 0.35), (10, 0.05)]
 ONE_SIDED = {
-    "fingertip_angle_1": (-30.0, 45.0),
-    "fingertip_angle_2": (-30.0, 45.0),
+    "fingertip_angle_1_deg": (-30.0, 45.0),
+    "fingertip_angle_2_deg": (-30.0, 45.0),
     "fingertip_length_1": (0.05 * UNIT, 0.35 * UNIT),
     "fingertip_length_2": (0.05 * UNIT, 0.35 * UNIT),
     "gap_width": (0.3 * UNIT, 0.6 * UNIT),
@@ -171,7 +171,7 @@ def five_parameters(scale: float) -> list[dict[str, Any]]:
 def arm_hand(scale: float) -> dict[str, Any]:
     """Both joint angles of the arm's hand, from the paper's 65 and 90 degrees."""
     task = Task(Circle(paper.ARM_RADIUS), PlanarArm(), ("does",), paper.ARM_MAX_STEPS)
-    free = {"joint_angle_1": (45.0, 85.0), "joint_angle_2": (60.0, 130.0)}
+    free = {"joint_angle_1_deg": (45.0, 85.0), "joint_angle_2_deg": (60.0, 130.0)}
     space = design_space(two_joint_hand(), free, 2 * paper.ARM_RADIUS, 8.0)
     trials = max(50, round(2000 * scale))
     settings = Settings(check_trials=trials, accept_trials=2 * trials, seed=7)

@@ -509,7 +509,7 @@ def test_a_crash_releases_the_lock(tmp_path: Path) -> None:
         assert child.stdout is not None
         assert child.stdout.readline() == "here\n"
         part = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 20_000)
-        space = pcjax.design_space(pcjax.box_hand(), ["fingertip_angle"], 50.0)
+        space = pcjax.design_space(pcjax.box_hand(), ["fingertip_angle_deg"], 50.0)
         with pytest.raises(ValueError, match=r"state.json is being written by another process"):
             pcjax.optimize(pcjax.Surrogate(part), space, checkpoint=path)
         child.kill()

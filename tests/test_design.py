@@ -37,14 +37,14 @@ QUICK = Settings(iterations=4, check_every=2, check_trials=40, accept_trials=60)
 
 
 def tips(clearance: float = 20.0) -> DesignSpace:
-    return design_space(BOX, ["fingertip_angle", "fingertip_length"], 50.0, clearance)
+    return design_space(BOX, ["fingertip_angle_deg", "fingertip_length"], 50.0, clearance)
 
 
 # ---------------------------------------------------------------------------------------- space
 
 
 def test_parameters_are_the_papers() -> None:
-    space = design_space(BOX, ["fingertip_angle", "fingertip_length", "gap_width"], 50.0)
+    space = design_space(BOX, ["fingertip_angle_deg", "fingertip_length", "gap_width"], 50.0)
     np.testing.assert_allclose(space.design_of(BOX), [10.0, 100.0, 200.0], atol=1e-4)
     hand = space.hand([25.0, 80.0, 240.0])
     same = box_hand(math.radians(25), fingertip_length=80.0, gap_width=240.0)
@@ -53,7 +53,9 @@ def test_parameters_are_the_papers() -> None:
 
 
 def test_one_finger_alone_may_change() -> None:
-    space = design_space(BOX, ["fingertip_angle_2", "link_length_13", "joint_angle_1"], 50.0)
+    space = design_space(
+        BOX, ["fingertip_angle_2_deg", "link_length_13", "joint_angle_1_deg"], 50.0
+    )
     hand = space.hand([0.0, 70.0, 85.0])
     assert hand.angles[0][2] == BOX.angles[0][2]
     assert float(hand.angles[1][2]) == pytest.approx(math.pi / 2)
@@ -124,9 +126,9 @@ def test_on_an_edge_the_way_uphill_goes_along_it() -> None:
 
 
 def test_linear_limits_are_kept() -> None:
-    free = ["fingertip_angle", "fingertip_length", "gap_width"]
+    free = ["fingertip_angle_deg", "fingertip_length", "gap_width"]
     text = "2 fingertip-length - 0.5 * gap_width >= 50"
-    space = design_space(BOX, free, 50.0, 20.0, [text, "fingertip_angle+fingertip_length<=120"])
+    space = design_space(BOX, free, 50.0, 20.0, [text, "fingertip_angle_deg+fingertip_length<=120"])
     np.testing.assert_array_equal(space.limits[0].coefficients, [0.0, -2.0, 0.5])
     assert space.limits[0].most == -50
     rng = np.random.default_rng(0)
@@ -134,6 +136,14 @@ def test_linear_limits_are_kept() -> None:
         angle, length, gap = space.nearest_allowed(design)
         assert 2 * length - 0.5 * gap >= 50 - 1e-6
         assert angle + length <= 120 + 1e-6
+
+
+def test_names_of_what_is_in_degrees_say_so() -> None:
+    with pytest.warns(InputWarning, match="fingertip_angle is called fingertip_angle_deg now"):
+        space = design_space(BOX, {"fingertip_angle": (-30.0, 45.0)}, 50.0)
+    assert space.named(space.design_of(BOX)) == {"fingertip_angle_deg": pytest.approx(10.0)}
+    with pytest.warns(InputWarning, match="joint_angle_13 is called joint_angle_13_deg now"):
+        design_space(BOX, ["joint_angle_13_deg"], 50.0, limits=["joint_angle_13 <= 90"])
 
 
 @pytest.mark.parametrize(
@@ -164,16 +174,17 @@ def test_moves_keep_to_the_scales() -> None:
     ("free", "words"),
     [
         ([], "no parameter"),
-        (["fingertip_angel"], "did you mean fingertip_angle"),
-        (["joint_angle"], "which joint"),
-        (["joint_angle_4"], "joint_angle_3"),
+        (["fingertip_angel"], "did you mean fingertip_angle_deg"),
+        (["joint_angle_deg"], "joint_angle_1_deg to joint_angle_3_deg"),
+        (["gap_width_deg"], "did you mean gap_width"),
+        (["joint_angle_4_deg"], "joint_angle_3"),
         (["gap_width_1"], "no parameter gap_width_1"),
-        (["fingertip_angle", "joint_angle_3"], "same number"),
+        (["fingertip_angle_deg", "joint_angle_3_deg"], "same number"),
         (["fingertip_length", "link_length_23"], "same number"),
         (["gap_width", "link_length_2"], "same number"),
-        ({"fingertip_angle": (30.0, 30.0)}, "order"),
+        ({"fingertip_angle_deg": (30.0, 30.0)}, "order"),
         ({"fingertip_length": (0.0, 30.0)}, "above 0"),
-        ({"fingertip_angle": (math.nan, 30.0)}, "finite"),
+        ({"fingertip_angle_deg": (math.nan, 30.0)}, "finite"),
     ],
 )
 def test_bad_spaces_are_refused(free: Any, words: str) -> None:
@@ -197,18 +208,18 @@ def test_starts_are_spread_and_allowed() -> None:
 def test_a_base_hand_that_is_not_allowed_says_why() -> None:
     """Bounds, limits, clearance, and fingers that a design makes alike; allowed hands say nothing,
     those on an edge among them."""
-    free = {"fingertip_angle": (20.0, 30.0), "fingertip_length": (100.0, 150.0)}
+    free = {"fingertip_angle_deg": (20.0, 30.0), "fingertip_length": (100.0, 150.0)}
     space = design_space(BOX, free, 50.0, 130.0, ["fingertip_length <= 80"])
     outside, limit, gap = space.objections()
     assert outside == "its fingertip_angle is 10 deg, outside 20 to 30 deg"
     assert limit == "it breaks the limit 'fingertip_length <= 80'"
     assert gap == "its gap is 165.3, less than the object's 50 and the clearance of 130"
     uneven = HandDesign(500.0, ((500.0, 150.0, 90.0),) * 2, ((1.5, 1.5, 1.2), (1.5, 1.5, 1.1)))
-    (told,) = design_space(uneven, ["joint_angle_3", "fingertip_length"], 50.0).objections()
+    (told,) = design_space(uneven, ["joint_angle_3_deg", "fingertip_length"], 50.0).objections()
     assert told.startswith("its joint_angle_3 is 68.75 deg on finger 1 and 63.03 deg on finger 2")
-    assert not design_space(uneven, ["joint_angle_23", "gap_width"], 50.0).objections()
+    assert not design_space(uneven, ["joint_angle_23_deg", "gap_width"], 50.0).objections()
     assert not design_space(
-        BOX, {"fingertip_angle": (10, 30)}, 50.0, limits=["fingertip_angle <= 10"]
+        BOX, {"fingertip_angle_deg": (10, 30)}, 50.0, limits=["fingertip_angle_deg <= 10"]
     ).objections()
 
 
@@ -298,7 +309,7 @@ def test_a_result_that_is_not_better_is_said_to_be_so() -> None:
 
 
 def test_the_result_is_compared_with_the_hand_given_though_the_search_begins_elsewhere() -> None:
-    space = design_space(BOX, {"fingertip_angle": (20.0, 30.0)}, 50.0)
+    space = design_space(BOX, {"fingertip_angle_deg": (20.0, 30.0)}, 50.0)
     with pytest.warns(InputWarning, match="10 deg, outside 20 to 30 deg.*begins at.* 20 deg") as w:
         found = optimize(SURROGATE, space, QUICK, estimator=Bowl([25.0]))
     assert [warning.filename for warning in w] == [__file__]
@@ -313,7 +324,7 @@ def test_the_result_is_compared_with_the_hand_given_though_the_search_begins_els
 
 def test_a_hand_that_cannot_be_evaluated_is_compared_from_where_it_was_moved() -> None:
     crossed = box_hand(math.radians(80), gap_width=150.0)
-    space = design_space(crossed, {"fingertip_angle": (-10.0, 10.0)}, 50.0)
+    space = design_space(crossed, {"fingertip_angle_deg": (-10.0, 10.0)}, 50.0)
     with pytest.warns(InputWarning, match="cannot be evaluated.*crosses.*moved start"):
         found = search_grid(SURROGATE, space, QUICK, [2])
     assert found.moved

@@ -32,7 +32,7 @@ def surrogate(body: pcjax.Circle | pcjax.Stick = CIRCLE) -> pcjax.Surrogate:
 def space(
     hand: pcjax.HandDesign = HAND, width: float = 50.0, **bounds: tuple[float, float]
 ) -> pcjax.DesignSpace:
-    free = bounds or {"fingertip_angle": (-20.0, 70.0), "gap_width": (50.0, 200.0)}
+    free = bounds or {"fingertip_angle_deg": (-20.0, 70.0), "gap_width": (50.0, 200.0)}
     return pcjax.design_space(hand, free, width, 0.0)
 
 
@@ -52,7 +52,7 @@ def test_a_maps_scores_are_compares() -> None:
 
 
 def test_hands_without_a_score_are_those_that_are_closed_or_cannot_be() -> None:
-    where = space(fingertip_angle=(-20.0, 80.0), gap_width=(30.0, 230.0))
+    where = space(fingertip_angle_deg=(-20.0, 80.0), gap_width=(30.0, 230.0))
     data = pcjax.score_map(surrogate(), where, (5, 5))
     for x in data.fingertip_angle_deg.values:
         for y in data.gap_width.values:
@@ -112,9 +112,9 @@ def test_a_current_hand_that_is_not_on_the_map_is_not_marked() -> None:
     )
     exact = replace(surrogate(pcjax.Circle(20.0)), trials=4)
     for bounds, marked in (
-        ({"fingertip_angle": (0.0, 30.0), "fingertip_length_1": (50.0, 100.0)}, False),
-        ({"fingertip_angle_1": (0.0, 30.0), "fingertip_length_2": (50.0, 100.0)}, True),
-        ({"fingertip_angle_1": (0.0, 10.0), "fingertip_length_2": (50.0, 100.0)}, False),
+        ({"fingertip_angle_deg": (0.0, 30.0), "fingertip_length_1": (50.0, 100.0)}, False),
+        ({"fingertip_angle_1_deg": (0.0, 30.0), "fingertip_length_2": (50.0, 100.0)}, True),
+        ({"fingertip_angle_1_deg": (0.0, 10.0), "fingertip_length_2": (50.0, 100.0)}, False),
     ):
         where = space(own, 40.0, **bounds)
         data = pcjax.score_map(exact, where, (2, 2))
@@ -135,8 +135,16 @@ def test_a_stick_is_never_in_a_full_cage() -> None:
     ("bounds", "points", "words"),
     [
         ({"gap_width": (100.0, 200.0)}, (3,), "two free parameters"),
-        ({"gap_width": (100.0, 200.0), "fingertip_angle": (0.0, 9.0)}, (1, 3), "gap_width is 1"),
-        ({"gap_width": (10.0, 40.0), "fingertip_angle": (0.0, 9.0)}, (2, 2), "no hand on the map"),
+        (
+            {"gap_width": (100.0, 200.0), "fingertip_angle_deg": (0.0, 9.0)},
+            (1, 3),
+            "gap_width is 1",
+        ),
+        (
+            {"gap_width": (10.0, 40.0), "fingertip_angle_deg": (0.0, 9.0)},
+            (2, 2),
+            "no hand on the map",
+        ),
     ],
 )
 def test_what_cannot_be_mapped_is_refused(

@@ -48,7 +48,7 @@ def task(**changes: Any) -> Task:
 
 
 def space() -> DesignSpace:
-    return design_space(WIDE, ["fingertip_angle", "fingertip_length"], 50.0)
+    return design_space(WIDE, ["fingertip_angle_deg", "fingertip_length"], 50.0)
 
 
 # ------------------------------------------------------------------------------------- survival
@@ -301,6 +301,6 @@ def test_bad_settings_are_refused(changes: dict[str, Any], words: str) -> None:
 
 def test_a_closed_hand_has_no_gradient() -> None:
     closed = box_hand(math.radians(60), fingertip_length=110.0)
-    shut = design_space(closed, ["fingertip_angle"], 50.0, 0.0)
+    shut = design_space(closed, ["fingertip_angle_deg"], 50.0, 0.0)
     with pytest.raises(ValueError, match="closed"):
         Differences()(Surrogate(task()), shut, [np.array([60.0])], 0)

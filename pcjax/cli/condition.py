@@ -12,6 +12,7 @@ from typing import Any
 
 from pcjax.cli.parts import as_flags_say, number
 from pcjax.components import Component, Quantity, quantities
+from pcjax.design.space import HELP, labelled
 from pcjax.model.bodies.base import BODIES
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.base import DRIVES
@@ -120,6 +121,10 @@ def condition(arguments: argparse.Namespace) -> Study:
     return as_flags_say(study, arguments)
 
 
+PARAMETERS = HELP.replace("_deg", "").replace("_", "-")
+"""What a parameter may be called on the command line: angles are in degrees in all of it."""
+
+
 def parameter_flag(text: str) -> tuple[str, tuple[float, float] | None]:
     """A parameter's name and, where they are given, its bounds: NAME or NAME=LOW:HIGH."""
     name, _, bounds = text.partition("=")
@@ -131,6 +136,16 @@ def parameter_flag(text: str) -> tuple[str, tuple[float, float] | None]:
     if not colon:
         raise argparse.ArgumentTypeError(f"{text!r} has to be like fingertip-angle=-30:50")
     return name, (number(low), number(high))
+
+
+def limit_flag(text: str) -> str:
+    """A linear limit in which angles' names say their unit, as in Python."""
+
+    def named(word: re.Match[str]) -> str:
+        label = labelled(word.group())
+        return label if label.endswith("_deg") else word.group()
+
+    return re.sub(r"[a-z][a-z0-9_-]*", named, text)
 
 
 def usual_parameters(study: Study) -> tuple[str, str]:

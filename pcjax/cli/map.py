@@ -14,6 +14,7 @@ from typing import Any
 import xarray as xr
 
 from pcjax.cli.condition import (
+    PARAMETERS,
     add_condition,
     condition,
     parameter_flag,
@@ -30,7 +31,7 @@ from pcjax.cli.parts import (
     whole,
 )
 from pcjax.design.map import MapPlan
-from pcjax.design.space import HELP, DesignSpace, design_space
+from pcjax.design.space import HELP, DesignSpace, design_space, labelled
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import OBJECTIVES, Surrogate
 from pcjax.results.map_csv import map_as_csv
@@ -46,7 +47,7 @@ def add_map(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
     add_condition(parser)
     add = parser.add_argument
-    for side, which, more in (("x", 0, f": {HELP}"), ("y", 1, "; as for --x")):
+    for side, which, more in (("x", 0, f": {PARAMETERS}"), ("y", 1, "; as for --x")):
         wrist, arm = (("fingertip-angle", "joint-angle-1"), ("fingertip-length", "joint-angle-2"))[
             which
         ]
@@ -55,7 +56,7 @@ def add_map(parser: argparse.ArgumentParser) -> None:
             type=parameter_flag,
             default=None,
             metavar="NAME[=LOW:HIGH]",
-            help=f"the parameter along {side}, with bounds in degrees or model lengths{more} "
+            help=f"the parameter along {side}, with bounds in degrees or lengths{more} "
             f"(default: {wrist}, on the arm {arm})",
         )
     add(
@@ -98,7 +99,7 @@ def _run(arguments: argparse.Namespace) -> None:
     check_data(arguments.out, _DATA)
     study = condition(arguments)
     sides = [
-        (name.replace("-", "_"), bounds)
+        (labelled(name), bounds)
         for name, bounds in (
             given or (usual, None)
             for given, usual in zip(

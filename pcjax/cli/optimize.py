@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from pcjax.cli.condition import (
+    PARAMETERS,
     add_condition,
     condition,
+    limit_flag,
     parameter_flag,
     task_of,
     usual_parameters,
@@ -34,7 +36,7 @@ from pcjax.design.gradients import Differences, Estimator, Mixture, Pathwise
 from pcjax.design.map import score_name
 from pcjax.design.optimize import Optimum, Settings, optimize
 from pcjax.design.search import search_cma, search_grid
-from pcjax.design.space import HELP, DesignSpace, design_space
+from pcjax.design.space import DesignSpace, design_space, labelled
 from pcjax.model.scenario import check_geometry
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import FORMS, OBJECTIVES, Surrogate
@@ -63,8 +65,8 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
         type=parameter_flag,
         default=None,
         metavar="NAME[=LOW:HIGH]",
-        help="a parameter that may change, with bounds in degrees or model lengths; again for "
-        f"more: {HELP} (default: fingertip-angle and fingertip-length; on the arm joint-angle-1 "
+        help="a parameter that may change, with bounds in degrees or lengths; again for more: "
+        f"{PARAMETERS} (default: fingertip-angle and fingertip-length; on the arm joint-angle-1 "
         "and joint-angle-2)",
     )
     add(
@@ -77,6 +79,7 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
     add(
         "--limit",
         action="append",
+        type=limit_flag,
         default=[],
         metavar="TEXT",
         help="a linear limit, such as 'fingertip-length + 0.5 gap-width <= 200'; again for more",
@@ -135,13 +138,13 @@ def _run(arguments: argparse.Namespace) -> None:
     check_writable(arguments.checkpoint)
     study = condition(arguments)
     free = arguments.free or [(name, None) for name in usual_parameters(study)]
-    names = [name for name, _ in free]
-    for name in names:
-        if names.count(name) > 1:
+    names = [labelled(name) for name, _ in free]
+    for (name, _), label in zip(free, names, strict=True):
+        if names.count(label) > 1:
             raise ValueError(f"--free {name} is there twice")
     space = design_space(
         study.hand,
-        dict(free),
+        dict(zip(names, (bounds for _, bounds in free), strict=True)),
         float(study.body.width),
         arguments.clearance,
         arguments.limit,

@@ -109,7 +109,7 @@ class Differences(Estimator):
     Examples:
         >>> import pcjax
         >>> task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 20_000)
-        >>> space = pcjax.design_space(pcjax.box_hand(), ["fingertip_angle"], 50.0)
+        >>> space = pcjax.design_space(pcjax.box_hand(), ["fingertip_angle_deg"], 50.0)
         >>> designs = [space.design_of(space.base)]
         >>> (found,) = pcjax.Differences()(pcjax.Surrogate(task, trials=20), space, designs, 0)
         >>> found.gradient.shape, found.trials  # three hands, two directions
@@ -200,6 +200,9 @@ def differentiable_score(
 ) -> Callable[[Float[Array, " parameters"], Integer[Array, ""] | int], Scalar]:
     """The relaxed score as a function of (design, seed) that JAX can compile and differentiate.
 
+    A design has the values of `space.free` in order: degrees where the name ends in `_deg`, else
+    lengths. So the derivative is per degree or per length.
+
     Its derivative is the estimate of `Differences`, with the base hand's moves, by
     `jax.custom_jvp`, so `jax.grad` of it and any optimiser of optax just work. `optimize` is
     faster: here the trials of a block wait for each other. There are no second derivatives:
@@ -216,7 +219,7 @@ def differentiable_score(
     Examples:
         >>> import pcjax, jax
         >>> task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 30_000)
-        >>> space = pcjax.design_space(pcjax.box_hand(), ["fingertip_angle"], 50.0)
+        >>> space = pcjax.design_space(pcjax.box_hand(), ["fingertip_angle_deg"], 50.0)
         >>> score = pcjax.differentiable_score(pcjax.Surrogate(task, trials=64), space, block=64)
         >>> jax.eval_shape(jax.grad(score), space.design_of(space.base), 0).shape
         (1,)

@@ -223,7 +223,7 @@ def optimize(
 
         >>> import pcjax
         >>> task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 20_000)
-        >>> space = pcjax.design_space(pcjax.box_hand(), ["fingertip_angle"], 50.0)
+        >>> space = pcjax.design_space(pcjax.box_hand(), ["fingertip_angle_deg"], 50.0)
         >>> settings = pcjax.Settings(iterations=1, accept_trials=32, check_trials=32)
         >>> found = pcjax.optimize(pcjax.Surrogate(task, trials=20), space, settings)
         >>> found.best.shape, found.progress.iteration

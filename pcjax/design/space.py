@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import re
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -17,7 +18,7 @@ from pcjax.checks import check_between, check_finite
 from pcjax.geometry import Flag, Scalar
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import is_hand, why_no_eoen
-from pcjax.words import did_you_mean
+from pcjax.words import InputWarning, did_you_mean
 
 Rows = list[list[Scalar]]
 
@@ -82,10 +83,21 @@ _KINDS = {
 }
 
 HELP = (
-    "fingertip_angle, fingertip_length (of both fingers; _1 or _2 at the end: of one), gap_width, "
-    "joint_angle_J, link_length_J (joint J of both fingers; _IJ: of finger I)"
+    "fingertip_angle_deg, fingertip_length (of both fingers; _1 or _2 after angle or length: of "
+    "one), gap_width, joint_angle_J_deg, link_length_J (joint J of both fingers; IJ: of finger I)"
 )
-"""What a parameter may be called."""
+"""What a parameter may be called: what is in degrees says so."""
+
+_NAME = re.compile(r"([a-z_]+?)(?:_([12]?)(\d))?(_deg)?")
+"""A parameter's kind, finger and joint, and its unit."""
+
+
+def labelled(name: str) -> str:
+    """A name as `HELP` has it, from one that may lack the unit or have hyphens, as flags do."""
+    name = name.replace("-", "_")
+    match = _NAME.fullmatch(name)
+    kind = _KINDS.get(match.group(1)) if match else None
+    return name.removesuffix("_deg") + ("_deg" if kind.unit else "") if kind else name
 
 
 @dataclass(frozen=True)
@@ -93,7 +105,7 @@ class Parameter:
     """One number of a hand that may change.
 
     Attributes:
-        name: one of those in `HELP`.
+        name: one of those in `HELP`, without the unit.
         low, high: its bounds, in degrees or model lengths.
         kind: which of the kinds.
         fingers: 0 and 1 for finger 1 and 2.
@@ -114,8 +126,8 @@ class Parameter:
 
     @property
     def label(self) -> str:
-        """Its name with the unit, as results call it."""
-        return self.name + ("_deg" if self.unit else "")
+        """Its name with the unit, one of those in `HELP`."""
+        return labelled(self.name)
 
     def read(self, hand: HandDesign) -> Scalar:
         """Its value in a hand; that of the first finger it is for."""
@@ -128,7 +140,7 @@ def parameter(
     """A parameter by its name, for a hand, with bounds.
 
     Arguments:
-        name: see `HELP`; hyphens stand for underscores.
+        name: see `HELP`.
         low, high: degrees or model lengths. Unless given: -30 to 50 deg for fingertips, 40 deg
             either way for joints, 0.05 to 0.35 L_p for fingertips' lengths, 0.2 to 0.8 L_p for the
             gap, half to one and a half of a link.
@@ -136,17 +148,19 @@ def parameter(
     Raises:
         ValueError: an unknown name, a joint that the hand does not have, or bounds out of order.
     """
-    name = name.replace("-", "_")
-    match = re.fullmatch(r"([a-z_]+?)(?:_([12]?)(\d))?", name)
+    match = _NAME.fullmatch(name)
     kind = match.group(1) if match else name
-    if match is None or kind not in _KINDS:
-        hint = did_you_mean(kind, _KINDS)
+    if match is None or kind not in _KINDS or name != labelled(name):
+        hint = did_you_mean(labelled(name), [labelled(known) for known in _KINDS])
         raise ValueError(f"there is no parameter {name}: {hint}there are {HELP}")
+    unit = match.group(4) or ""
     limbs = min(len(lengths) for lengths in hand.lengths)
     fingers, joint = (0, 1), -1
     if kind in ("joint_angle", "link_length"):
         if match.group(3) is None or not 1 <= int(match.group(3)) <= limbs:
-            raise ValueError(f"{name}: say which joint, {kind}_1 to {kind}_{limbs} for this hand")
+            raise ValueError(
+                f"{name}: say which joint, {kind}_1{unit} to {kind}_{limbs}{unit} for this hand"
+            )
         joint = int(match.group(3)) - 1
         if match.group(2):
             fingers = (int(match.group(2)) - 1,)
@@ -156,12 +170,13 @@ def parameter(
         fingers = (int(match.group(3)) - 1,)
     if kind == "gap_width" and limbs < 3:
         raise ValueError("gap_width needs a hand with three limbs or more a finger")
+    name = name.removesuffix(unit)
     found = Parameter(name, -math.inf, math.inf, kind, fingers, joint)
-    value, unit = float(found.read(hand)), float(hand.palm_length)
+    value, palm = float(found.read(hand)), float(hand.palm_length)
     usual = {
         "fingertip_angle": (-30.0, 50.0),
-        "fingertip_length": (0.05 * unit, 0.35 * unit),
-        "gap_width": (0.2 * unit, 0.8 * unit),
+        "fingertip_length": (0.05 * palm, 0.35 * palm),
+        "gap_width": (0.2 * palm, 0.8 * palm),
         "joint_angle": (value - 40.0, value + 40.0),
         "link_length": (0.5 * value, 1.5 * value),
     }[kind]
@@ -212,7 +227,7 @@ def linear_limit(text: str, free: Sequence[Parameter]) -> Limit:
         most = float(right)
     except ValueError:
         raise ValueError(f"{what} cannot be read: {example}") from None
-    names = [p.name for p in free]
+    names = [p.label for p in free]
     coefficients = np.zeros(len(names))
     term = r"\s*([+-])?\s*(\d+\.?\d*|\.\d+)?\s*\*?\s*([a-z][a-z0-9_-]*)"
     rest = left
@@ -220,7 +235,7 @@ def linear_limit(text: str, free: Sequence[Parameter]) -> Limit:
         match = re.match(term, rest)
         if match is None or (rest is not left and match.group(1) is None):
             raise ValueError(f"{what} cannot be read at {rest.strip()!r}: {example}")
-        name = match.group(3).replace("-", "_")
+        name = _with_unit(match.group(3).replace("-", "_"))
         if name not in names:
             hint = did_you_mean(name, names)
             raise ValueError(f"{what}: {name} is not free: {hint}free are {', '.join(names)}")
@@ -231,6 +246,15 @@ def linear_limit(text: str, free: Sequence[Parameter]) -> Limit:
         raise ValueError(f"{what} limits nothing: {example}")
     check_finite(what, most)
     return Limit(text, coefficients, most) if sign == "<=" else Limit(text, -coefficients, -most)
+
+
+def _with_unit(name: str) -> str:
+    """A parameter's name; an earlier spelling, without the unit, is taken with a warning."""
+    label = labelled(name)
+    if label == f"{name}_deg":
+        warnings.warn(f"{name} is called {label} now: it is in degrees", InputWarning, stacklevel=4)
+        return label
+    return name
 
 
 def nearest_within(
@@ -258,7 +282,8 @@ def nearest_within(
 class DesignSpace:
     """The hands that differ from a base hand in the free parameters, and which are allowed.
 
-    A design is a vector of the parameters' values. Optimisers work in `scales`, in which angles
+    A design is a vector of the parameters' values: degrees where the name ends in `_deg`, else
+    lengths. Optimisers work in `scales`, in which angles
     count in tens of degrees and lengths in tenths of the palm.
 
     Arguments:
@@ -515,7 +540,8 @@ def design_space(
 
     Arguments:
         hand: its other numbers stay.
-        free: names (see `HELP`), or names with their bounds in degrees or model lengths.
+        free: names (see `HELP`), or names with their bounds: degrees where the name ends in `_deg`,
+            else lengths.
         width: of the object, a length.
         clearance: the least that the gap has to be wider; 0.04 L_p unless given.
         limits: linear limits as text, see `linear_limit`.
@@ -527,12 +553,14 @@ def design_space(
 
     Examples:
         >>> import pcjax
-        >>> space = pcjax.design_space(pcjax.box_hand(), {"fingertip_angle": (-30, 45)}, 50.0)
+        >>> space = pcjax.design_space(pcjax.box_hand(), {"fingertip_angle_deg": (-30, 45)}, 50.0)
         >>> space.describe(space.nearest_allowed([60.0]))
         'fingertip_angle 40.37 deg'
     """
     bounds = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
-    parameters = [parameter(name, hand, *(span or (None, None))) for name, span in bounds.items()]
+    parameters = [
+        parameter(_with_unit(name), hand, *(span or (None, None))) for name, span in bounds.items()
+    ]
     least = 0.04 * float(hand.palm_length) if clearance is None else clearance
     linear = tuple(linear_limit(text, parameters) for text in limits)
     if directions is None:

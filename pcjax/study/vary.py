@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from pcjax.components import Component, Quantity, quantities
-from pcjax.design.space import DesignSpace, parameter
+from pcjax.design.space import DesignSpace, labelled, parameter
 from pcjax.model.bodies.base import BODIES
 from pcjax.model.drives.base import DRIVES
 from pcjax.model.hand import HandDesign
@@ -49,9 +49,8 @@ def change(
         table, what = known[name]
         parts[table] = components[table].having(**{what.name: what.from_file(value)})
         return hand, parts
-    bare = name.removesuffix("_deg")
     try:
-        found = parameter(bare, hand)
+        found = parameter(labelled(name), hand)
     except ValueError as error:
         elsewhere = [
             f"the {registry.noun} {kind}"
