@@ -23,12 +23,13 @@ import equinox as eqx
 import jax
 
 from pcjax.checks import check_between, check_finite, check_positive, check_radians
+from pcjax.units import PER_METRE
 from pcjax.words import did_you_mean
 
 Unit = Literal["length", "angle", "time", "speed", "acceleration", "rate", "mass", "1"]
 
 _IN_WORDS = {
-    "length": "model units",
+    "length": "in --units",
     "angle": "degrees",
     "time": "s",
     "speed": "length / s",
@@ -39,6 +40,10 @@ _IN_WORDS = {
 }
 
 
+_WITH_LENGTH = ("length", "speed", "acceleration")
+"""Units that a length is part of."""
+
+
 @dataclass(frozen=True)
 class Quantity:
     """What one parameter of a component is.
@@ -47,6 +52,8 @@ class Quantity:
         unit: in Python; angles are radians there, and degrees in files and on the command line.
         help: what it is, in a few words.
         default: unless given; MISSING where the study says what is usual or it has to be given.
+            What has a length in it is in model units.
+        metric: the default where lengths are in metres, in metres; None: there is none then.
         low, high: the allowed range.
         above: whether `low` itself is not allowed.
         count: of how many numbers it consists; None for one number.
@@ -60,6 +67,7 @@ class Quantity:
     unit: Unit
     help: str
     default: Any = MISSING
+    metric: float | None = None
     low: float = -math.inf
     high: float = math.inf
     above: bool = False
@@ -79,6 +87,20 @@ class Quantity:
     def unit_in_words(self) -> str:
         """As files and the command line have it."""
         return _IN_WORDS[self.unit]
+
+    def default_in(self, units: str) -> Any:
+        """The default where lengths are in `units` (see `pcjax.units`); MISSING: it has none."""
+        sized = self.unit in _WITH_LENGTH and self.default not in (MISSING, None, 0)
+        if not sized or units not in PER_METRE:
+            return self.default
+        return MISSING if self.metric is None else round(self.metric * PER_METRE[units], 9)
+
+    def why_missing(self, units: str) -> str:
+        """That it has to be given, and why if a default in model units does not do."""
+        told = f"{self.file_key or self.name} is missing"
+        if units not in PER_METRE or (self.default is MISSING and not self.usual):
+            return told
+        return f"{told}: what is usual is in the paper's model units, and lengths are in {units}"
 
     def from_file(self, value: Any) -> Any:
         """What is written in a file or a flag, as Python has it."""
@@ -206,6 +228,24 @@ class Component(eqx.Module):
 
 
 C = TypeVar("C", bound=Component)
+
+
+def usual_in(component: type[C], units: str) -> C:
+    """A component of which everything is as usual where lengths are in `units`.
+
+    Raises:
+        ValueError: a parameter has to be given.
+    """
+    given: dict[str, Any] = {}
+    for name, what in quantities(component).items():
+        usual = what.default_in(units)
+        if usual is MISSING:
+            raise ValueError(what.why_missing(units))
+        if usual is not what.default:
+            given[name] = usual
+    return component(**given)
+
+
 M = TypeVar("M", bound=eqx.Module)
 T = TypeVar("T", bound=type)
 

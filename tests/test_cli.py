@@ -285,6 +285,36 @@ def test_lengths_that_are_not_given_follow_the_palm(command: Command):
         )
 
 
+def test_a_hand_has_the_same_indices_in_mm_and_in_m(command: Command):
+    line = "evaluate --json --trials 64 --max-steps 50_000 --fingertip-angle -20"
+    mm, metres = (
+        one_object(command(f"{line} --units {units} --palm-length {palm} --gap-width {gap}"))
+        for units, palm, gap in (("mm", 90, 72), ("m", 0.09, 0.072))
+    )
+    for direction in ("does", "eoen"):
+        assert mm["status"][direction]["passed"] > 8
+        # Rounding to 32 bits may tell a few of the trials apart.
+        assert mm[direction]["index1"]["value"] == pytest.approx(
+            metres[direction]["index1"]["value"], rel=0.02
+        )
+
+
+def test_flags_say_the_unit_and_win_over_the_file(command: Command, tmp_path: Path):
+    limbs = "lengths = [[80, 30], [80, 25]]\nangles_deg = [[90, 90], [90, 80]]"
+    own = f"[hand]\npalm_length = 80\n{limbs}"
+    (tmp_path / "own.toml").write_text(f'[units]\nlength = "m"\n{own}')
+    for flags, units in (("", "m"), ("--units cm", "cm"), ("--units model", "model")):
+        assert one_object(command(f"inspect own.toml --json {flags}"))["units"] == units
+    assert command("inspect own.toml --units mm").out.startswith("units    mm, gravity 9800 of")
+    (tmp_path / "own.toml").write_text(own)
+    done = command("inspect own.toml")
+    assert done.code == 0
+    assert done.err.startswith("pcjax: own.toml: [hand] palm_length is 80 in the paper's model")
+    assert '"mm" as [units] length says so' in done.err
+    assert '"mm" as --units says so' in command("inspect --palm-length 80").err
+    check_refused(command("evaluate --units mm"), "--palm-length is missing", "lengths are in mm")
+
+
 def test_the_arms_flags_reach_the_simulation(command: Command):
     told = one_object(
         command(

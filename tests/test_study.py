@@ -11,6 +11,8 @@ import jax
 import numpy as np
 import pytest
 
+import pcjax
+import pcjax.study.evaluate
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.bodies.stick import Stick
 from pcjax.model.contact import ContactLaw
@@ -105,6 +107,148 @@ def test_angles_that_look_like_a_slip_of_units_are_pointed_out(
     (warning,) = caught
     assert str(warning.message).startswith(f"{tmp_path / 'study.toml'}: {words}")
     assert warning.filename == __file__
+
+
+LIMBS = "lengths = [[80, 30], [80, 25]]\nangles_deg = [[90, 90], [90, 80]]\n"
+OWN = f"[hand]\npalm_length = 80\n{LIMBS}"
+
+
+def in_units(units: str, text: str = OWN) -> str:
+    return f'{text}[units]\nlength = "{units}"\n'
+
+
+@pytest.mark.parametrize(("units", "scale"), [("mm", 1000), ("cm", 100), ("m", 1)])
+def test_in_a_real_unit_gravity_is_the_earths(units: str, scale: int, tmp_path: Path) -> None:
+    study = read(in_units(units), tmp_path)
+    assert (study.units, study.drive.gravity) == (units, 98 * scale / 10)
+    assert study.law.resting_speed == scale / 1000
+    assert study.body.radius == 4.0
+    usual = Study.usual(study.hand, units=units)
+    for other in (
+        usual,
+        Study(study.hand, study.body, units=units),
+        read(usual.to_toml(), tmp_path),
+    ):
+        assert other.units == units
+        assert other.drive == study.drive
+        assert other.law == study.law
+    # What the file says is in the study's own unit.
+    own = read(in_units(units, f"{OWN}[drive]\ngravity = 3\n"), tmp_path)
+    assert own.drive.gravity == 3.0
+    assert own.having({"radius": 5.0}).units == units
+
+
+def test_without_a_unit_all_numbers_are_the_papers(tmp_path: Path) -> None:
+    for study in (
+        read("[body]\nkind = 'circle'", tmp_path),
+        Study.usual(),
+        Study(BOX, Circle(9.0)),
+    ):
+        assert (study.units, study.drive.gravity) == ("model", 9.8)
+        assert study.law.resting_speed == 0.05
+        assert study.to_toml().startswith('[units]\nlength = "model"\n')
+
+
+def test_the_same_hand_in_another_unit_is_the_same_study(tmp_path: Path) -> None:
+    small = '[hand]\npreset = "box"\npalm_length = {}\n'
+    mm = read(in_units("mm", small.format(90)), tmp_path).scenarios()["does"]
+    metres = read(in_units("m", small.format(0.09)), tmp_path).scenarios()["does"]
+    for scaled, parts in (
+        (1000.0, lambda s: (s.hand.palm_length, s.hand.lengths, s.body.radius)),
+        (1000.0, lambda s: (s.drive.gravity, s.law.resting_speed)),
+        (1.0, lambda s: (s.hand.angles, s.drive.amplitude, s.law.restitution, s.start_spread)),
+    ):
+        a, b = (np.array(jax.tree.leaves(parts(one)), float) for one in (mm, metres))
+        np.testing.assert_allclose(a, scaled * b, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            in_units("inch"),
+            r"line 6: \[units\] length is 'inch': it has to be model or mm or cm or m",
+        ),
+        ('[units]\nlenght = "mm"', "did you mean length"),
+        ('[units]\nlength = "mm"', r"\[hand\] palm_length is missing: .*model units, .* in mm"),
+        (in_units("mm", '[hand]\npreset = "box"\n'), r"\[hand\] palm_length is missing"),
+        (
+            in_units("cm", '[hand]\npreset = "two-joint"\npalm_length = 9\n'),
+            r"\[hand\] link_lengths is missing: .* in cm",
+        ),
+        (
+            in_units("mm", f'{OWN}[drive]\nkind = "arm"\n'),
+            r"\[drive\] lengths is missing: .* in mm",
+        ),
+        (
+            in_units("mm", f'{OWN}[drive]\nkind = "arm"\nlengths = [90, 90, 0]\n'),
+            r"\[body\] radius is missing: .* in mm",
+        ),
+    ],
+)
+def test_a_real_unit_asks_for_what_has_a_size(text: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=words):
+        read(text, tmp_path)
+
+
+def test_python_asks_for_what_has_a_size() -> None:
+    with pytest.raises(ValueError, match=r"^palm_length is missing: .* lengths are in mm$"):
+        Study.usual(units="mm")
+    with pytest.raises(ValueError, match=r"^radius is missing: .* lengths are in m$"):
+        Study.usual(BOX, drive=PlanarArm(), units="m")
+    with pytest.raises(ValueError, match="units is 'inch': it has to be one of model, mm, cm, m"):
+        Study(BOX, Circle(5.0), units="inch")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (OWN, "[hand] palm_length is 80 in the paper's model units"),
+        ('[hand]\npreset = "box"\npalm_length = 100', "[hand] palm_length is 100 in the paper's"),
+        (
+            in_units("mm", f"{OWN}[drive]\ngravity = 9.8\n"),
+            "[drive] gravity is 9.8, the earth's in m / s^2, and lengths are in mm: there it is 98",
+        ),
+        (in_units("m", f"{OWN}[drive]\ngravity = 9810\n"), "[drive] gravity is 9810, the earth's"),
+    ],
+)
+def test_lengths_that_look_like_a_slip_of_units_are_pointed_out(
+    text: str, words: str, tmp_path: Path
+) -> None:
+    with pytest.warns(InputWarning) as caught:
+        read(text, tmp_path)
+    (warning,) = caught
+    assert str(warning.message).startswith(f"{tmp_path / 'study.toml'}: {words}")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '[hand]\npreset = "two-joint"',
+        '[hand]\npreset = "box"\ngap_width = 300',
+        f"[hand]\npalm_length = 400\n{LIMBS.replace('80, 30', '350, 120')}",
+        in_units("model"),
+        f"{OWN}[drive]\ngravity = 9.8",
+        in_units("mm", f"{OWN}[drive]\ngravity = 0\n"),
+        in_units("mm", f"{OWN}[drive]\ngravity = 1620\n"),
+    ],
+)
+def test_what_was_said_or_is_the_papers_is_not_doubted(text: str, tmp_path: Path) -> None:
+    read(text, tmp_path)  # a warning would be an error
+
+
+def test_evaluate_asks_about_units_like_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pcjax.study.evaluate, "evaluate_study", lambda study, **_: study)
+    small = box_hand(palm_length=80.0)
+    with pytest.warns(InputWarning, match='palm_length is 80 .* "mm" as units says so') as caught:
+        pcjax.evaluate(small)
+    assert caught[0].filename == __file__
+    with pytest.warns(InputWarning, match=r"gravity is 9.8, the earth's in m / s\^2"):
+        pcjax.evaluate(small, drive=WristTilt(), units="mm")
+    for given in ({"units": "model"}, {"units": "mm"}, {"drive": WristTilt()}):
+        pcjax.evaluate(small, **given)
+    pcjax.evaluate(two_joint_hand())
+    pcjax.evaluate()
 
 
 def test_everything_in_a_file_comes_back(tmp_path: Path) -> None:

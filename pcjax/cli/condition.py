@@ -20,6 +20,7 @@ from pcjax.model.presets import HANDS
 from pcjax.quality.surrogate import Task
 from pcjax.study.read import read_study
 from pcjax.study.spec import Study
+from pcjax.units import UNITS
 from pcjax.words import InputWarning
 
 _KINDS = {
@@ -53,6 +54,13 @@ def add_condition(parser: argparse.ArgumentParser) -> None:
         default=None,
         metavar="FILE",
         help="a study file (TOML), which the flags change; 'pcjax study --example' prints one",
+    )
+    add(
+        "--units",
+        choices=UNITS,
+        default=None,
+        help="of lengths; in mm, cm and m gravity is the earth's unless given, and the palm has to "
+        "be given (default: model, the paper's, in which gravity is 9.8)",
     )
     for _, flag, registry, told in _KINDS.values():
         add(f"--{flag}", choices=registry.kinds(), default=None, help=told)
@@ -100,14 +108,19 @@ def condition(arguments: argparse.Namespace) -> Study:
         if getattr(arguments, flag) is not None:
             instead.setdefault(table, {})[key] = getattr(arguments, flag)
     names: dict[str, str] = {}
+    if arguments.units is not None:
+        instead["units"] = {"length": arguments.units}
+    if arguments.units is not None or arguments.study is None:
+        names["[units] length"] = "--units"
     for table, _, what in _declared():
         given = getattr(arguments, what.flag.replace("-", "_"))
         if given is not None:
             instead.setdefault(table, {})[what.file_key] = given
+        if given is not None or arguments.study is None:
             names[f"[{table}] {what.file_key}"] = f"--{what.flag}"
 
     def by_flag(text: str) -> str:
-        """A message in which what came from a flag is called by it."""
+        """A message in which what came from a flag, or could have, is called by it."""
         return re.sub(r"\[\w+\] \w+", lambda m: names.get(m.group(), m.group()), text)
 
     try:

@@ -31,7 +31,7 @@ from pcjax.cli.parts import (
     whole,
 )
 from pcjax.design.map import MapPlan
-from pcjax.design.space import HELP, DesignSpace, design_space, labelled
+from pcjax.design.space import DesignSpace, design_space, labelled
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import OBJECTIVES, Surrogate
 from pcjax.results.map_csv import map_as_csv

@@ -19,7 +19,7 @@ class ContactLaw(Component):
     | field | unit | usual | what it does |
     | --- | --- | --- | --- |
     | restitution | 1 | 0.1 | e_r in (7): the share of normal speed that an impact keeps |
-    | resting_speed | length / s | 0.05 | slower impacts are inelastic; keep it far below 10 |
+    | resting_speed | length / s | 0.05 | slower impacts are inelastic; keep it far below a fall's |
     | smoothing | length | 0 | half width of the layer over which contact switches on |
 
     Width 0 is the paper's hard contact. Smoothed and hard contact are one code path: `switch` and
@@ -43,7 +43,12 @@ class ContactLaw(Component):
         "1", "e_r in (7)", default=0.1, low=0, high=1, key="restitution", flag="restitution"
     )
     resting_speed: Scalar = quantity(
-        "speed", "slower impacts are inelastic", default=0.05, low=0, key="resting_speed"
+        "speed",
+        "slower impacts are inelastic",
+        default=0.05,
+        metric=1e-3,
+        low=0,
+        key="resting_speed",
     )
     smoothing: Scalar | None = quantity(
         "length",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -25,6 +26,8 @@ from pcjax.simulate.choose import choose_engine
 from pcjax.simulate.engine import Engine
 from pcjax.simulate.outcomes import LIMIT, Outcomes
 from pcjax.study.spec import Run, Study
+from pcjax.units import doubts_of_gravity, doubts_of_model_units
+from pcjax.words import InputWarning
 
 
 def evaluate(
@@ -41,6 +44,7 @@ def evaluate(
     engine: str | Engine = "auto",
     dt: float | None = None,
     precision: int = 32,
+    units: str | None = None,
     progress: bool = False,
 ) -> Evaluation:
     """Evaluates how well a hand cages an object without closing on it (Sec. 3.1).
@@ -62,7 +66,12 @@ def evaluate(
             "auto" (see `choose_engine`).
         dt: the solver's step in seconds, for an engine that has one; chosen by it unless given.
         precision: 32 or 64 bits.
+        units: of all lengths, "mm", "cm" or "m", with the earth's gravity unless a drive is given;
+            or "model", the paper's, in which g is 9.8, which they are unless given. In a real unit
+            the hand has to be given, and on the arm the object.
         progress: whether to show a progress bar on stderr.
+
+    Warns (`InputWarning`) where hand or gravity are probably in another unit.
 
     Returns:
         An `Evaluation`; print it for a table.
@@ -78,7 +87,13 @@ def evaluate(
         True
     """
     settings = Run(direction, trials, max_steps, seed, start_spread, engine, dt, precision)
-    return evaluate_study(Study.usual(hand, body, drive, law, settings), progress=progress)
+    study = Study.usual(hand, body, drive, law, settings, units or "model")
+    doubts = doubts_of_gravity(getattr(study.drive, "gravity", None), study.units)
+    if hand is not None and drive is None and units is None:
+        doubts += doubts_of_model_units(float(hand.palm_length), "units")
+    for doubt in doubts:
+        warnings.warn(doubt, InputWarning, stacklevel=2)
+    return evaluate_study(study, progress=progress)
 
 
 def evaluate_study(study: Study, *, progress: bool = False) -> Evaluation:

@@ -15,6 +15,7 @@ from pcjax.results.schema import NAMES
 from pcjax.results.tables import engines_text, wrapped
 from pcjax.simulate.choose import choose_engine
 from pcjax.study.spec import Study
+from pcjax.units import PER_METRE
 
 Box = tuple[tuple[float, float], tuple[float, float]]
 
@@ -67,7 +68,10 @@ class Inspection:
         study, run = self.study, self.study.run
         limbs = " and ".join(str(len(lengths)) for lengths in study.hand.lengths)
         body = study.body
+        pull = getattr(study.drive, "gravity", None)
+        told = "" if pull is None else f", gravity {float(pull):g} of them / s^2"
         lines = [
+            f"units    {study.units if study.units in PER_METRE else 'model units'}{told}",
             f"hand     {limbs} limbs a finger, palm {float(study.hand.palm_length):.4g}, "
             f"{self.size[0]:.4g} wide and {self.size[1]:.4g} high",
             f"object   {body.noun} {float(body.radius):.4g}; a gap of {self.width:.4g} lets it "
@@ -103,6 +107,7 @@ class Inspection:
     def as_json(self) -> dict[str, Any]:
         """Plain numbers for `--json`."""
         return {
+            "units": self.study.units,
             "gap": {d: view.gap for d, view in self.views.items()},
             "object_width": self.width,
             "size": list(self.size),
@@ -135,7 +140,7 @@ def inspect(study: Study) -> Inspection:
     if not _FAST_FALL < fall < _SLOW_FALL:
         doubts.append(
             f"a fall through the hand takes {fall:.2g} s: do lengths and gravity have the same "
-            "unit (9.8 m/s^2 is 9,800 mm/s^2)?"
+            "unit (9.8 m/s^2 is 9,800 mm/s^2)? [units] length says which"
         )
     if study.run.precision == 32 and float(study.body.radius) < _TINY * reach:
         doubts.append(

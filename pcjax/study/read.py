@@ -25,7 +25,8 @@ from pcjax.model.presets import HANDS
 from pcjax.results.files import read_plain
 from pcjax.simulate.choose import engine_names
 from pcjax.simulate.engine import ENGINES
-from pcjax.study.spec import MOST_CONDITIONS, Run, Study, Sweep, own_parameters
+from pcjax.study.spec import MOST_CONDITIONS, Run, Study, Sweep, own_parameters, usual_radius
+from pcjax.units import UNITS, doubts_of_gravity, doubts_of_model_units
 from pcjax.words import InputWarning, did_you_mean, one_line
 
 C = TypeVar("C", bound=Component)
@@ -64,7 +65,7 @@ def _keys(component: type[Component]) -> list[str]:
 def load_study(path: str | os.PathLike[str]) -> Study:
     """Reads a study file.
 
-    Warns (`InputWarning`) of angles that look like a slip of units.
+    Warns (`InputWarning`) of angles and lengths that look like a slip of units.
 
     Raises:
         ValueError: no such file, no TOML, an unknown or missing key, or a value that does not do.
@@ -96,7 +97,7 @@ def read_study(
     path: str | os.PathLike[str] | None,
     instead: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> tuple[Study, list[str]]:
-    """A study, and what is strange about its angles.
+    """A study, and what is strange about its angles and units.
 
     Arguments:
         path: of the file; None for a study of what is usual.
@@ -160,6 +161,7 @@ class _Reader:
 
     def __init__(self, data: Mapping[str, Any]):
         self.data = data
+        self.units = "model"
         self.doubts: list[str] = []
 
     def doubt(self, where: str, key: str, values: Iterable[float]) -> None:
@@ -169,10 +171,13 @@ class _Reader:
             self.doubts += doubts_of_degrees(f"[{where}] {key}", values, joints=joints)
 
     def study(self) -> Study:
-        self.known("", self.data, ("hand", "body", "drive", "contact", "run", "sweep"))
+        self.known("", self.data, ("units", "hand", "body", "drive", "contact", "run", "sweep"))
+        self.table("units", ("length",))
+        self.units = self.word("units", "length", UNITS, "model")
         drive = self.drive()
         hand = self.hand(drive)
-        study = Study(hand, self.body(hand, drive), drive, self.law(), self.run())
+        study = Study(hand, self.body(hand, drive), drive, self.law(), self.run(), units=self.units)
+        self.doubt_units(study)
         sweep = self.sweep()
         if sweep is not None:
             for name, values in sweep.values.items():
@@ -183,6 +188,15 @@ class _Reader:
                     raise ValueError(f"[sweep] {name}: {error}") from None
         study.scenarios()
         return replace(study, sweep=sweep)
+
+    def doubt_units(self, study: Study) -> None:
+        """Takes down what is strange about the unit of lengths."""
+        drive, hand = self.table("drive"), self.table("hand")
+        doubts = doubts_of_gravity(drive.get("gravity"), study.units)
+        self.doubts += [f"[drive] {doubt}" for doubt in doubts]
+        if "palm_length" in hand and "gravity" not in drive and not self.table("units"):
+            doubts = doubts_of_model_units(float(study.hand.palm_length), "[units] length")
+            self.doubts += [f"[hand] {doubt}" for doubt in doubts]
 
     def hand(self, drive: Drive) -> HandDesign:
         given = self.table("hand")
@@ -218,16 +232,24 @@ class _Reader:
         """
         chosen = registry[kind]
         known = {what.file_key: what for what in quantities(chosen).values() if what.key}
-        table = self.table_of(where, registry, kind, (key, *known))
-        given: dict[str, Any] = {}
-        for name, what in known.items():
-            if name in table:
-                given[what.name] = self.value(where, name, what)
-            elif what.name in usual:
-                given[what.name] = usual[what.name]
-            elif what.default is MISSING:
-                raise ValueError(f"[{where}] {name} is missing")
+        self.table_of(where, registry, kind, (key, *known))
+        given = self.given(where, known, usual)
         return self.sound(where, lambda: chosen(**given))
+
+    def given(
+        self, where: str, known: Mapping[str, Quantity], usual: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """The values of parameters, by the names of their fields: a table's, or what is usual."""
+        table = self.table(where)
+        given: dict[str, Any] = {}
+        for key, what in known.items():
+            if key in table:
+                given[what.name] = self.value(where, key, what)
+                continue
+            given[what.name] = usual.get(what.name, what.default_in(self.units))
+            if given[what.name] is MISSING:
+                raise ValueError(f"[{where}] {what.why_missing(self.units)}")
+        return given
 
     def value(self, where: str, key: str, what: Quantity) -> Any:
         """A parameter as Python has it."""
@@ -245,11 +267,11 @@ class _Reader:
 
     def body(self, hand: HandDesign, drive: Drive) -> Body:
         kind = self.word("body", "kind", BODIES.kinds(), "circle")
-        size = drive.usual_radius(float(hand.palm_length))
+        size = usual_radius(drive, hand, self.units)
         usual = {
             what.name: size
             for what in quantities(BODIES[kind]).values()
-            if what.key == "radius" and what.default is MISSING
+            if what.key == "radius" and what.default is MISSING and size is not None
         }
         return self.component("body", BODIES, "kind", kind, usual)
 
@@ -259,8 +281,8 @@ class _Reader:
 
     def law(self) -> ContactLaw:
         known = {what.file_key: what for what in quantities(ContactLaw).values() if what.key}
-        table = self.table("contact", tuple(known))
-        given = {known[key].name: self.value("contact", key, known[key]) for key in table}
+        self.table("contact", tuple(known))
+        given = self.given("contact", known, {})
         return self.sound("contact", lambda: ContactLaw(**given))
 
     def run(self) -> Run:

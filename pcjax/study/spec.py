@@ -10,7 +10,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from pcjax.checks import check_between, check_count, check_kind
-from pcjax.components import Component, Quantity, quantities
+from pcjax.components import Component, Quantity, quantities, usual_in
+from pcjax.geometry import Scalar
 from pcjax.model.bodies.base import BODIES, Body
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.contact import ContactLaw
@@ -29,6 +30,7 @@ from pcjax.simulate.choose import check_engine
 from pcjax.simulate.engine import Engine
 from pcjax.study.vary import change
 from pcjax.study.write import hand_table, text_of
+from pcjax.units import check_units
 
 TRIALS = 5000
 """Of a condition in a direction unless said otherwise, as in the paper (Sec. 3.2)."""
@@ -161,22 +163,57 @@ class Sweep:
         return [dict(zip(self.values, row, strict=True)) for row in rows]
 
 
+_USUAL: Any = None
+"""Stands for a part of a study that follows from its units, until it is made."""
+
+
+def usual_radius(drive: Drive, hand: HandDesign, units: str) -> Scalar | None:
+    """The object's radius unless one is given; None where lengths are in a real unit, and the
+    drive's usual radius is a number of its own in place of a share of the palm."""
+    palm = hand.palm_length
+    size = drive.usual_radius(palm)
+    share = units == "model" or float(drive.usual_radius(2.0 * palm)) == 2.0 * float(size)
+    return size if share else None
+
+
 @dataclass(frozen=True)
 class Study:
     """A hand, its object, its drive, the contact law, how it is tried, and what is swept.
 
+    Arguments:
+        hand, body: their lengths are in `units`.
+        drive: what moves the hand, gravity in `units` / s^2; the paper's wrist unless given, with
+            the earth's gravity where `units` is a real unit.
+        law: contact law; the paper's unless given, with a resting speed of 1 mm/s where `units` is
+            a real unit.
+        run: how the hand is tried.
+        sweep: what is swept.
+        units: of all lengths: "mm", "cm" or "m"; "model" for the paper's, in which g is 9.8.
+
     Raises:
         TypeError: something that is no hand, body, drive or contact law.
+        ValueError: an unknown unit.
+
+    Examples:
+        >>> import pcjax
+        >>> hand = pcjax.box_hand(0.17, palm_length=80)
+        >>> pcjax.Study(hand, pcjax.Circle(4), units="mm").drive.gravity
+        9800.0
     """
 
     hand: HandDesign
     body: Body
-    drive: Drive = field(default_factory=WristTilt)
-    law: ContactLaw = field(default_factory=ContactLaw)
+    drive: Drive = _USUAL
+    law: ContactLaw = _USUAL
     run: Run = field(default_factory=Run)
     sweep: Sweep | None = None
+    units: str = "model"
 
     def __post_init__(self) -> None:
+        check_units(self.units)
+        for name, usual in (("drive", WristTilt), ("law", ContactLaw)):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, usual_in(usual, self.units))
         check_kinds(self.hand, self.body, self.drive, self.law)
 
     @classmethod
@@ -187,18 +224,27 @@ class Study:
         drive: Drive | None = None,
         law: ContactLaw | None = None,
         run: Run | None = None,
+        units: str = "model",
     ) -> Study:
         """A study in which what is not given is as usual: the paper's wrist, its hand for the
-        drive, and a circle that is as large as the drive's usual one."""
-        drive = WristTilt() if drive is None else drive
+        drive, and a circle that is as large as the drive's usual one.
+
+        Raises:
+            ValueError: in a real unit there is no usual hand, nor a usual circle on the arm.
+        """
+        check_units(units)
+        drive = usual_in(WristTilt, units) if drive is None else drive
         check_kind("drive", drive, Drive)
         if hand is None:
-            hand = HANDS[drive.usual_hand]().design()
+            hand = usual_in(HANDS[drive.usual_hand], units).design()
         check_kind("hand", hand, HandDesign)
         if body is None:
-            body = Circle(drive.usual_radius(hand.palm_length))
-        law = ContactLaw() if law is None else law
-        return cls(hand, body, drive, law, Run() if run is None else run)
+            size = usual_radius(drive, hand, units)
+            if size is None:
+                raise ValueError(quantities(Circle)["radius"].why_missing(units))
+            body = Circle(size)
+        law = usual_in(ContactLaw, units) if law is None else law
+        return cls(hand, body, drive, law, Run() if run is None else run, units=units)
 
     @property
     def directions(self) -> tuple[str, ...]:
@@ -274,12 +320,13 @@ class Study:
         return study
 
     def to_toml(self) -> str:
-        """The study as a file's text; lengths in model units, angles in degrees.
+        """The study as a file's text; lengths in its units, angles in degrees.
 
         Raises:
             ValueError: the body, the drive or the engine is of a class that is not registered.
         """
         tables = {
+            "units": {"length": self.units},
             "hand": hand_table(self.hand),
             "body": {"kind": BODIES.kind_of(self.body)} | self.body.as_table(),
             "drive": {"kind": DRIVES.kind_of(self.drive)} | self.drive.as_table(),

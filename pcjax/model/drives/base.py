@@ -21,7 +21,16 @@ register_drive = DRIVES.register
 
 def gravity_field() -> Any:
     """g, as drives declare it."""
-    return quantity("acceleration", "g", default=9.8, low=0, key="gravity", flag="gravity")
+    return quantity(
+        "acceleration",
+        "g",
+        default=9.8,
+        metric=9.8,
+        low=0,
+        key="gravity",
+        flag="gravity",
+        usual="9.8; in mm, cm and m the earth's 9.8 m / s^2",
+    )
 
 
 def duration_field(help: str, default: float, key: str) -> Any:
