@@ -23,7 +23,7 @@ import equinox as eqx
 import jax
 
 from pcjax.checks import check_between, check_finite, check_positive, check_radians
-from pcjax.units import PER_METRE
+from pcjax.units import PER_METRE, length_in_words
 from pcjax.words import did_you_mean
 
 Unit = Literal["length", "angle", "time", "speed", "acceleration", "rate", "mass", "1"]
@@ -87,6 +87,13 @@ class Quantity:
     def unit_in_words(self) -> str:
         """As files and the command line have it."""
         return _IN_WORDS[self.unit]
+
+    def unit_in(self, units: str) -> str:
+        """As results have it, where lengths are in `units`."""
+        length = length_in_words(units)
+        words = {"length": length, "speed": f"{length} / s", "acceleration": f"{length} / s^2"}
+        words |= {"angle": "degree", "time": "s", "rate": "1 / s"}
+        return words.get(self.unit, "1")
 
     def default_in(self, units: str) -> Any:
         """The default where lengths are in `units` (see `pcjax.units`); MISSING: it has none."""

@@ -34,6 +34,13 @@ def with_unit(length: float, units: str) -> str:
     return f"{length:.4g}" + (f" {units}" if units in PER_METRE else "")
 
 
+def in_brackets(name: str, units: str) -> str:
+    """The unit of a parameter with that name as labels have it; "" for the model's lengths."""
+    if name.endswith("_deg"):
+        return " [deg]"
+    return f" [{units}]" if units in PER_METRE else ""
+
+
 def doubts_of_gravity(gravity: float | None, units: str) -> list[str]:
     """What is strange about gravity where lengths are in a real unit, in words; mostly nothing."""
     if gravity is None or units not in PER_METRE:

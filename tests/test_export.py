@@ -69,6 +69,22 @@ def test_svg_has_the_hands_coordinates(tmp_path: Path, hand: pcjax.HandDesign) -
     assert -y.min() + 5 <= top + height
 
 
+@pytest.mark.parametrize(
+    ("units", "mm", "code"), [("model", 1, 4), ("mm", 1, 4), ("cm", 10, 5), ("m", 1000, 6)]
+)
+def test_drawings_are_in_the_unit_of_the_study(
+    tmp_path: Path, units: str, mm: int, code: int
+) -> None:
+    svg, dxf = (export_hand(HANDS["own"], tmp_path / f"h.{e}", units=units) for e in ("svg", "dxf"))
+    root = ElementTree.parse(svg).getroot()
+    _, _, width, height = (float(n) for n in root.get("viewBox", "").split())
+    assert (root.get("width"), root.get("height")) == (f"{width * mm!r}mm", f"{height * mm!r}mm")
+    file = ezdxf.readfile(dxf)  # pyright: ignore
+    assert file.header["$INSUNITS"] == code
+    (line,) = file.modelspace().query('LWPOLYLINE[layer=="LIMBS"]')
+    np.testing.assert_allclose(list(line.get_points("xy")), joints_and_tips(HANDS["own"]))
+
+
 @pytest.mark.parametrize("body", BODIES.values(), ids=BODIES)
 @pytest.mark.parametrize("hand", HANDS.values(), ids=HANDS)
 def test_dxf_has_the_hands_coordinates(

@@ -25,7 +25,7 @@ HAND = pcjax.box_hand()
 
 
 def surrogate(body: pcjax.Circle | pcjax.Stick = CIRCLE) -> pcjax.Surrogate:
-    task = pcjax.Task(body, pcjax.WristTilt(), ("does", "eoen"), 20_000)
+    task = pcjax.Task(body, pcjax.WristTilt(), ("does", "eoen"), 20_000, units="mm")
     return pcjax.Surrogate(task, form="exact", trials=30)
 
 
@@ -161,9 +161,13 @@ def test_a_map_is_drawn_again_from_its_file(
     assert (data.attrs["body"], data.attrs["drive"]) == ("Circle", "WristTilt")
     numbers = json.loads(data.attrs["parameters"])
     assert numbers["does"]["body.radius"] == 25
+    assert (data.attrs["length_unit"], data.gap.units) == ("mm", "mm")
     save_dataset(data, tmp_path / "map.nc")
     main(["plot", str(tmp_path / "map.nc"), "--plot", str(tmp_path / "map.png")])
-    pcjax.plot_map(data).savefig(tmp_path / "same.png", dpi=130)
+    picture = pcjax.plot_map(data)
+    labels = (picture.axes[0].get_xlabel(), picture.axes[0].get_ylabel())
+    assert labels == ("fingertip angle [deg]", "gap width [mm]")
+    picture.savefig(tmp_path / "same.png", dpi=130)
     drawn, same = (matplotlib.image.imread(tmp_path / name) for name in ("map.png", "same.png"))
     np.testing.assert_array_equal(drawn, same)
     main(["show", str(tmp_path / "map.nc")])

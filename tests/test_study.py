@@ -22,6 +22,7 @@ from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.study.read import EXAMPLE, load_study
 from pcjax.study.spec import Run, Study, Sweep
+from pcjax.study.vary import unit_of
 from pcjax.words import InputWarning
 
 BOX = box_hand(math.radians(10))
@@ -136,6 +137,24 @@ def test_in_a_real_unit_gravity_is_the_earths(units: str, scale: int, tmp_path: 
     own = read(in_units(units, f"{OWN}[drive]\ngravity = 3\n"), tmp_path)
     assert own.drive.gravity == 3.0
     assert own.having({"radius": 5.0}).units == units
+
+
+def test_every_number_that_can_be_swept_has_its_unit(tmp_path: Path) -> None:
+    parts = read(in_units("cm"), tmp_path).components
+    for name, unit in {
+        "radius": "cm",
+        "link_length_12": "cm",
+        "palm_length": "cm",
+        "gravity": "cm / s^2",
+        "resting_speed": "cm / s",
+        "period": "s",
+        "restitution": "1",
+        "start_spread": "1",
+        "amplitude_deg": "degree",
+        "fingertip_angle_1_deg": "degree",
+    }.items():
+        assert unit_of(name, parts, "cm") == unit
+    assert unit_of("gravity", parts, "model") == "model length / s^2"
 
 
 def test_without_a_unit_all_numbers_are_the_papers(tmp_path: Path) -> None:

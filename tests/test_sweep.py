@@ -222,7 +222,8 @@ def test_a_condition_that_cannot_be_run_stays_empty_and_says_why(tmp_path: Path)
 
 def test_numbers_that_go_together(tmp_path: Path) -> None:
     sweep = Sweep({"gap_width": (180.0, 200.0), "radius": (20.0, 25.0)}, zipped=True)
-    data = run_sweep(replace(STUDY, sweep=sweep), tmp_path / "r.nc")
+    data = run_sweep(replace(STUDY, sweep=sweep, units="mm"), tmp_path / "r.nc")
+    assert {data.attrs["length_unit"], data.gap.units, data.radius.units} == {"mm"}
     assert dict(data.gap.sizes) == {"condition": 2, "direction": 2}
     np.testing.assert_array_equal(data.radius.values, [20.0, 25.0])
     np.testing.assert_allclose(
@@ -231,7 +232,7 @@ def test_numbers_that_go_together(tmp_path: Path) -> None:
         rtol=1e-6,
     )
     figure = plot_sweep(data, "gap_width")
-    assert figure.axes[0].get_xlabel() == "gap width"
+    assert figure.axes[0].get_xlabel() == "gap width [mm]"
     with pytest.raises(ValueError, match="go together"):
         plot_sweep(data, "gap_width", hue="radius")
 

@@ -184,4 +184,5 @@ def task_of(study: Study) -> Task:
         study.max_steps,
         study.law,
         study.run.start_spread,
+        study.units,
     )

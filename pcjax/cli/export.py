@@ -20,12 +20,12 @@ def add_export(parser: argparse.ArgumentParser) -> None:
         type=number,
         default=None,
         metavar="T",
-        help="draw each limb's outline too, this thick, in model units",
+        help="draw each limb's outline too, this thick, in --units",
     )
     add("--with-object", action="store_true", help="draw the object too, at a start")
     add_outputs(
         parser,
-        plot="the drawing, .svg or .dxf, one model unit a millimetre",
+        plot="the drawing, .svg or .dxf, to scale; one model unit is drawn as a millimetre",
         plot_default=Path("hand.svg"),
         before={"out": "plot"},
     )
@@ -39,5 +39,6 @@ def _run(arguments: argparse.Namespace) -> None:
     study = condition(arguments)
     check_geometry(does(study.hand, study.body, study.drive, study.law))
     body = study.body if arguments.with_object else None
-    export_hand(study.hand, arguments.plot, thickness=arguments.thickness, body=body)
+    thickness, units = arguments.thickness, study.units
+    export_hand(study.hand, arguments.plot, thickness=thickness, body=body, units=units)
     print(f"drawing: {arguments.plot}")

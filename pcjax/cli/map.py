@@ -36,9 +36,10 @@ from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import OBJECTIVES, Surrogate
 from pcjax.results.map_csv import map_as_csv
 from pcjax.results.saving import save_dataset, save_text
-from pcjax.results.schema import place_of
+from pcjax.results.schema import length_unit_of, place_of
 from pcjax.results.tables import estimate_text, in_columns, wrapped
 from pcjax.study.evaluate import as_attribute
+from pcjax.units import with_unit
 
 _DATA = (".nc", ".csv")
 
@@ -186,10 +187,13 @@ def map_text(data: xr.Dataset) -> str:
     """The best hand of a map and the current one."""
     best, attrs = _best(data), data.attrs
     names = [str(name) for name in reversed(place_of(data))]
+    units = length_unit_of(data)
 
     def place(values: Sequence[float]) -> str:
         return ", ".join(
-            f"{name.removesuffix('_deg')} {value:.4g}{' deg' if name.endswith('_deg') else ''}"
+            f"{name[:-4]} {value:.4g} deg"
+            if name.endswith("_deg")
+            else f"{name} {with_unit(value, units)}"
             for name, value in zip(names, values, strict=True)
         )
 

@@ -42,6 +42,7 @@ from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import FORMS, OBJECTIVES, Surrogate
 from pcjax.results.saving import save_text
 from pcjax.results.tables import estimate_text, in_columns, interval_text, wrapped
+from pcjax.units import in_brackets
 
 _FOR_PATHWISE = {"goal_layer": 0.8, "contact_layer": 0.2}
 """The widths with which pathwise gradients are least noisy."""
@@ -225,7 +226,7 @@ def as_text(found: Optimum, space: DesignSpace, surrogate: Surrogate, seconds: f
     start = "moved start" if found.moved else "start"
     heads = ["", start, "best"]
     rows = [
-        [f"{p.name} [{p.unit}]" if p.unit else p.name, f"{a:.4g}", f"{b:.4g}"]
+        [p.name + in_brackets(p.label, surrogate.task.units), f"{a:.4g}", f"{b:.4g}"]
         for p, a, b in zip(space.free, found.start, found.best, strict=True)
     ]
     lines = [

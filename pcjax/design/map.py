@@ -161,6 +161,7 @@ class MapPlan:
         """The map; see `score_map`."""
         began = time.perf_counter()
         surrogate, space, count = self.surrogate, self.space, len(self.designs)
+        task = surrogate.task
         found, invalid = score_all(
             surrogate, space, list(self.designs[self.scored]), seed=self.seed, progress=progress
         )
@@ -194,13 +195,14 @@ class MapPlan:
             provenance(
                 {
                     "trials": surrogate.trials,
-                    "max_steps": surrogate.task.max_steps,
+                    "max_steps": task.max_steps,
                     "seed": self.seed,
                     "engine": surrogate.engine(list(scenarios.values())).name,
                     "precision": 32,
                     "objective": surrogate.objective,
                     "score_name": score_name(surrogate),
-                    "directions": list(surrogate.task.directions),
+                    "directions": list(task.directions),
+                    "length_unit": task.units,
                     "object_width": space.width,
                     "hands": self.hands,
                     "invalid": invalid,

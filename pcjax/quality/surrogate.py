@@ -47,6 +47,7 @@ from pcjax.simulate.lanes import Lanes
 from pcjax.simulate.outcomes import LIMIT
 from pcjax.simulate.relaxation import Layer, relaxed_survival
 from pcjax.simulate.rounds import roll
+from pcjax.units import check_units
 
 OBJECTIVES = ("index1", "index2", "escape_rate")
 """What a score can be made of: an index, or the limit-free mean time to escape, 1 / rate."""
@@ -72,10 +73,11 @@ class Task:
         max_steps: limit in steps of 0.001 s.
         law: contact law.
         start_spread: of the starts, in palm lengths.
+        units: of lengths (see `pcjax.units`), for labels: no number depends on it.
 
     Raises:
         TypeError: a body or drive that is none.
-        ValueError: other directions, or a limit that is no positive whole number.
+        ValueError: other directions, a limit that is no positive whole number, or an unknown unit.
 
     Examples:
         >>> import pcjax
@@ -90,8 +92,10 @@ class Task:
     max_steps: int
     law: ContactLaw = field(default_factory=ContactLaw)
     start_spread: float = 0.1
+    units: str = field(default="model", repr=False)  # so that checkpoints do not depend on it
 
     def __post_init__(self) -> None:
+        check_units(self.units)
         check_kind("body", self.body, Body)
         check_kind("drive", self.drive, Drive)
         check_kind("law", self.law, ContactLaw)

@@ -19,10 +19,12 @@ from pcjax.results.schema import (
     Variable,
     dims_of,
     labels_of,
+    length_unit_of,
     place_of,
     variable_of,
 )
 from pcjax.simulate.outcomes import STATUS_NAMES
+from pcjax.units import check_units
 
 _CODES = {"real": "f", "whole": "iu", "flag": "b", "text": "UOT"}
 
@@ -40,6 +42,7 @@ def check_dataset(data: xr.Dataset) -> None:
         check_attribute(data, name, what)
     if data.attrs["precision"] not in (32, 64):
         raise ValueError(f"precision is {data.attrs['precision']}")
+    check_units(length_unit_of(data))
     check_variables(data)
 
 

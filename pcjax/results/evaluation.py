@@ -21,7 +21,7 @@ from pcjax.results.geometry import places_of
 from pcjax.results.provenance import conditions, provenance
 from pcjax.results.reading import load_dataset
 from pcjax.results.saving import save_dataset
-from pcjax.results.schema import INDICES, NAMES, WATCHED, dataset_of
+from pcjax.results.schema import INDICES, NAMES, WATCHED, dataset_of, length_unit_of
 from pcjax.results.tables import (
     engines_text,
     estimate_text,
@@ -120,7 +120,7 @@ class Evaluation:
                 "count": counts_of(self.dataset.status.values),
             },
             {"direction": self.directions},
-            {},
+            {"length_unit": length_unit_of(self.dataset)},
         )
         return self.dataset.assign_coords(estimates.coords).assign(estimates.data_vars)
 

@@ -21,6 +21,7 @@ from pcjax.model.scenario import DIRECTIONS
 from pcjax.physics.state import PAPER_DT
 from pcjax.quality.indices import Estimate
 from pcjax.simulate.outcomes import STATUS_NAMES
+from pcjax.units import length_in_words
 
 NAMES = {"does": "DoEs", "eoen": "EoEn"}
 """Directions: difficulty of escaping and ease of entering."""
@@ -39,9 +40,15 @@ PLACE, EACH, FINE = "*place", "*each", "*fine"
 one direction, and of a map's finer grid."""
 
 
-def units_of(quantity: str) -> str:
+def units_of(quantity: str, length_unit: str = "model") -> str:
     """The `units` attribute of a quantity: a length's, a duration's, or what is given itself."""
-    return {"length": "model length", "steps": f"steps of {PAPER_DT} s"}.get(quantity, quantity)
+    known = {"length": length_in_words(length_unit), "steps": f"steps of {PAPER_DT} s"}
+    return known.get(quantity, quantity)
+
+
+def length_unit_of(data: xr.Dataset) -> str:
+    """The unit of a result's lengths; files that do not say it are in the model's."""
+    return str(data.attrs.get("length_unit", "model"))
 
 
 @dataclass(frozen=True)
@@ -65,11 +72,10 @@ class Variable:
     high: float | str = math.inf
     nan: bool = False
 
-    @property
-    def attrs(self) -> dict[str, Any]:
-        """As in files."""
-        told = {"units": units_of(self.units), "long_name": self.long_name}
-        return {name: text for name, text in told.items() if text}
+    def attrs(self, length_unit: str) -> dict[str, Any]:
+        """As in files whose lengths are in that unit."""
+        texts = {"units": units_of(self.units, length_unit), "long_name": self.long_name}
+        return {name: text for name, text in texts.items() if text}
 
     def per_trial(self) -> Variable:
         """The same of each trial."""
@@ -293,8 +299,9 @@ def dataset_of(
     """
     what = KINDS[kind]
     known = {**what.variables, **what.optional}
+    length_unit = attrs.get("length_unit", "model")
     data = {
-        name: (dims_of(known[name], what, place), value, known[name].attrs)
+        name: (dims_of(known[name], what, place), value, known[name].attrs(length_unit))
         for name, value in values.items()
         if value is not None
     }

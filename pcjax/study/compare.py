@@ -9,9 +9,11 @@ from typing import Any, Literal
 
 from pcjax.quality.indices import Estimate
 from pcjax.results.evaluation import Evaluation
+from pcjax.results.schema import length_unit_of
 from pcjax.results.tables import in_columns, interval_text, shortened, wrapped
 from pcjax.study.evaluate import evaluate_study
 from pcjax.study.spec import Study
+from pcjax.units import with_unit
 
 Verdict = Literal["better", "worse", "not certain"]
 
@@ -61,7 +63,7 @@ class Ranking:
                     shortened(name),
                     "undefined" if math.isnan(value.value) else f"{value.value:{form}}",
                     interval_text(value, form),
-                    f"{float(result.dataset.gap[0]):.4g}",
+                    with_unit(float(result.dataset.gap[0]), length_unit_of(result.dataset)),
                     f"{off.value:{form}} {interval_text(off, form)}" if place > 1 else "",
                     self.verdict(name, first) if place > 1 else "",
                 ]

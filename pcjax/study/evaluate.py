@@ -26,7 +26,7 @@ from pcjax.simulate.choose import choose_engine
 from pcjax.simulate.engine import Engine
 from pcjax.simulate.outcomes import LIMIT, Outcomes
 from pcjax.study.spec import Run, Study
-from pcjax.units import doubts_of_gravity, doubts_of_model_units
+from pcjax.units import check_units, doubts_of_gravity, doubts_of_model_units
 from pcjax.words import InputWarning
 
 
@@ -127,6 +127,7 @@ def evaluate_study(study: Study, *, progress: bool = False) -> Evaluation:
         "engine": _provenance_of(chosen),
         "dt": np.fmin.reduce([engine.step_taken(period) for engine in chosen]),
         "precision": run_as.precision,
+        "length_unit": study.units,
         "wall_seconds": time.perf_counter() - began,
         **({"no_eoen": missing} if missing else {}),
         **as_attribute(study),
@@ -144,6 +145,7 @@ def evaluate_grid(
     engine: str | Engine = "auto",
     dt: float | None = None,
     precision: int = 32,
+    units: str = "model",
     progress: bool = False,
 ) -> xr.Dataset:
     """Evaluates many conditions in one batch, all on the same trials.
@@ -152,6 +154,7 @@ def evaluate_grid(
         scenarios: the conditions, of equal structure.
         coords: labels of the conditions by name, each with one value for every scenario.
         trials, max_steps, seed, engine, dt, precision, progress: see `evaluate`.
+        units: of lengths, for the dataset: the scenarios are taken as they are.
 
     Returns:
         A dataset along `condition` with `index1` and `index2` (statistic), over the trials that
@@ -172,6 +175,7 @@ def evaluate_grid(
         (('condition', 'statistic'), [10.0, 25.0])
     """
     check_count("trials", trials, 2, 2**31 - 1)
+    check_units(units)
     gaps = [check_geometry(scenario) for scenario in scenarios]
     chosen = [choose_engine(engine, dt, scenario) for scenario in scenarios]
     began = time.perf_counter()
@@ -225,6 +229,7 @@ def evaluate_grid(
                 "seed": seed,
                 "engine": _provenance_of(chosen),
                 "precision": precision,
+                "length_unit": units,
                 "wall_seconds": time.perf_counter() - began,
                 **conditions(scenarios),
             }

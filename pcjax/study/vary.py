@@ -12,6 +12,7 @@ from pcjax.design.space import DesignSpace, labelled, parameter
 from pcjax.model.bodies.base import BODIES
 from pcjax.model.drives.base import DRIVES
 from pcjax.model.hand import HandDesign
+from pcjax.units import length_in_words
 from pcjax.words import did_you_mean
 
 _USUAL_OF_HANDS = (
@@ -31,6 +32,16 @@ def names(components: Mapping[str, Component]) -> dict[str, tuple[str, Quantity]
         for what in quantities(type(component)).values()
         if what.key and what.count is None
     }
+
+
+def unit_of(name: str, components: Mapping[str, Component], units: str) -> str:
+    """The unit of a number that can be swept, where lengths are in `units`."""
+    known = names(components)
+    if name in known:
+        return known[name][1].unit_in(units)
+    if name == "start_spread":
+        return "1"
+    return "degree" if name.endswith("_deg") else length_in_words(units)
 
 
 def change(

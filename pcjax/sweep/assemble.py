@@ -19,6 +19,7 @@ from pcjax.results.provenance import conditions, provenance
 from pcjax.results.schema import INDICES, STATISTICS, WATCHED, dataset_of
 from pcjax.simulate.outcomes import STATUS_NAMES, Outcomes
 from pcjax.study.spec import Study
+from pcjax.study.vary import unit_of
 from pcjax.sweep.plan import Part, Plan
 
 
@@ -121,10 +122,7 @@ def _along_swept(values: Mapping[str, np.ndarray], plan: Plan) -> xr.Dataset:
     """The dataset with the swept numbers as its dimensions, or as labels of its conditions."""
     study, sweep = plan.study, plan.study.sweep
     assert sweep is not None
-    units = {
-        name: {"units": "degree" if name.endswith("_deg") else "as in the study"}
-        for name in sweep.values
-    }
+    units = {name: {"units": unit_of(name, study.components, study.units)} for name in sweep.values}
     place, shape = list(sweep.values), [len(line) for line in sweep.values.values()]
     if sweep.zipped:
         place, shape = ["condition"], [len(plan.points)]
@@ -148,6 +146,7 @@ def _provenance(plan: Plan) -> dict[str, Any]:
     run = {
         "made_by": "pcjax sweep",
         "study": study.to_toml(),
+        "length_unit": study.units,
         "trials": study.run.trials,
         "max_steps": study.max_steps,
         "seed": study.run.seed,

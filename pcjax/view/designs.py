@@ -21,9 +21,10 @@ from pcjax.design.space import DesignSpace
 from pcjax.model.bodies.base import placed_outline
 from pcjax.model.hand import points_of
 from pcjax.quality.surrogate import Surrogate
-from pcjax.results.schema import NAMES, place_of
+from pcjax.results.schema import NAMES, length_unit_of, place_of
 from pcjax.study.inspect import Inspection
-from pcjax.view.shapes import COLOURS, draw_object
+from pcjax.units import in_brackets
+from pcjax.view.shapes import COLOURS, draw_object, name_axes
 
 _Z95 = 1.96
 _MAP = 11
@@ -58,7 +59,7 @@ def plot_inspection(found: Inspection) -> Figure:
         axis.plot([goal.a.x, goal.b.x], [goal.a.y, goal.b.y], color=COLOURS[2], ls="--", lw=1.5)
         axis.set_aspect("equal")
         axis.margins(0.08)
-        axis.set(xlabel="x [model length]", ylabel="y [model length]")
+        name_axes(axis, study.units)
         view = found.views[direction]
         if view.starts is None:
             axis.set_title(f"{NAMES[direction]}: cannot be run")
@@ -91,7 +92,8 @@ def draw_hands(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrog
     draw_object(axis, *placed_outline(body, np.array([centre.x, centre.y], float)))
     axis.set_aspect("equal")
     axis.margins(0.08)
-    axis.set(xlabel="x [model length]", ylabel="y [model length]", title="hand")
+    name_axes(axis, surrogate.task.units)
+    axis.set_title("hand")
     axis.legend(loc="center", fontsize=9, frameon=False)
 
 
@@ -151,7 +153,7 @@ def draw_map(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogat
     fine = [np.linspace(p.low, p.high, FINE) for p in space.free]
     gaps, possible = shapes(surrogate, space, np.stack(np.meshgrid(*fine), axis=-1))
     _draw_regions(axis, fine, gaps, possible, space.least_gap(1.0), hatched=False)
-    _name_axes(axis, [p.label for p in space.free])
+    _name_parameters(axis, [p.label for p in space.free], surrogate.task.units)
     for n, steps in enumerate(found.progress.history):
         way = np.array([step.design for step in steps] + [found.candidates[n][0]])
         axis.plot(*way.T, ".-", color="white", lw=1, ms=5, mec="black", mew=0.4, zorder=3)
@@ -182,7 +184,7 @@ def plot_map(dataset: xr.Dataset) -> Figure:
         least,
         hatched=True,
     )
-    _name_axes(axis, labels)
+    _name_parameters(axis, labels, length_unit_of(dataset))
     row, column = np.unravel_index(np.nanargmax(score), score.shape)
     marks: list[tuple[Any, ...]] = [
         ("best", xs[column], ys[row], "o", score[row, column], float(errors[row, column]))
@@ -242,10 +244,9 @@ def _draw_regions(
     return handles
 
 
-def _name_axes(axis: Axes, labels: Sequence[str]) -> None:
+def _name_parameters(axis: Axes, labels: Sequence[str], units: str) -> None:
     """Parameters' labels in words."""
     words = [
-        label.removesuffix("_deg").replace("_", " ") + (" [deg]" if label.endswith("_deg") else "")
-        for label in labels
+        label.removesuffix("_deg").replace("_", " ") + in_brackets(label, units) for label in labels
     ]
     axis.set(xlabel=words[0], ylabel=words[1])

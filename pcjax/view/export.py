@@ -1,4 +1,4 @@
-"""A hand as a drawing for CAD or a cutter: SVG and DXF, one model unit a millimetre."""
+"""A hand as a drawing for CAD or a cutter: SVG and DXF, to scale; one model unit a millimetre."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from pcjax.model.bodies.base import Body, placed_outline
 from pcjax.model.hand import HandDesign, points_of
 from pcjax.model.scenario import does
 from pcjax.results.saving import save_text
+from pcjax.units import PER_METRE, check_units
 
 DRAWINGS = (".svg", ".dxf")
 """Kinds of drawings, by the file's ending."""
@@ -60,8 +61,9 @@ def export_hand(
     *,
     thickness: float | None = None,
     body: Body | None = None,
+    units: str = "model",
 ) -> Path:
-    """Draws a hand to scale, one model unit a millimetre, y up.
+    """Draws a hand to scale, y up.
 
     Layers (groups of an SVG file): LIMBS, one line from fingertip to fingertip; JOINTS, circles
     where limbs meet; GOAL, the goal line; and if asked for OUTLINES, each limb and the palm as a
@@ -72,11 +74,14 @@ def export_hand(
         path: the file, .svg or .dxf (needs ezdxf).
         thickness: of the limbs' outlines, a length; unless given, there are none.
         body: the object; unless given, there is none.
+        units: of lengths, "mm", "cm" or "m"; a "model" unit is drawn as a millimetre. A DXF file's
+            numbers are in that unit, and its header says so; an SVG file's size is in millimetres.
 
     In the model limbs have no thickness: what the object meets is the line in the outlines' middle.
 
     Raises:
-        ValueError: an ending that is neither, no ezdxf, or a thickness that is not above 0.
+        ValueError: an ending that is neither, no ezdxf, a thickness that is not above 0, or no such
+            unit.
 
     Example:
         >>> import pcjax
@@ -84,10 +89,11 @@ def export_hand(
         'hand.svg'
     """
     check_drawing(path)
+    check_units(units)
     if thickness is not None:
         check_positive("thickness", thickness)
     path = Path(path)
-    drawing = _Svg() if path.suffix.lower() == ".svg" else _Dxf()
+    drawing = (_Svg if path.suffix.lower() == ".svg" else _Dxf)("mm" if units == "model" else units)
     line = points_of(hand)
     drawing.line("LIMBS", line)
     size = 0.01 * float(hand.palm_length)
@@ -115,7 +121,8 @@ def export_hand(
 class _Svg:
     """An SVG file in the making; its groups are in the hand's axes, y up."""
 
-    def __init__(self) -> None:
+    def __init__(self, units: str) -> None:
+        self._mm = PER_METRE["mm"] / PER_METRE[units]
         self._groups: dict[str, list[tuple[str, dict[str, str]]]] = {}
         self._reach: list[np.ndarray] = []
 
@@ -146,8 +153,8 @@ class _Svg:
         ElementTree.register_namespace("", _SVG)
         root = ElementTree.Element(
             f"{{{_SVG}}}svg",
-            width=f"{_text(width)}mm",
-            height=f"{_text(height)}mm",
+            width=f"{_text(width * self._mm)}mm",
+            height=f"{_text(height * self._mm)}mm",
             viewBox=" ".join(map(_text, (low[0] - margin, -high[1] - margin, width, height))),
         )
         up = ElementTree.SubElement(
@@ -171,11 +178,12 @@ class _Svg:
 class _Dxf:
     """A DXF file in the making."""
 
-    def __init__(self) -> None:
+    def __init__(self, units: str) -> None:
         import ezdxf
-        from ezdxf import units
+        from ezdxf.units import CM, MM, M
 
-        self._file: Any = ezdxf.new("R2010", setup=["linetypes"], units=units.MM)  # pyright: ignore
+        unit = {"mm": MM, "cm": CM, "m": M}[units]
+        self._file: Any = ezdxf.new("R2010", setup=["linetypes"], units=unit)  # pyright: ignore
         for layer, colour in _COLOURS.items():
             self._file.layers.add(layer, color=colour)
         self._file.layers.get("GOAL").dxf.linetype = "DASHED"

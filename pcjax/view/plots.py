@@ -8,9 +8,10 @@ from matplotlib.figure import Figure
 
 from pcjax.physics.state import PAPER_DT
 from pcjax.results.evaluation import Evaluation
-from pcjax.results.schema import NAMES
+from pcjax.results.schema import NAMES, length_unit_of
 from pcjax.study.compare import Ranking
-from pcjax.view.shapes import COLOURS, draw_object
+from pcjax.units import with_unit
+from pcjax.view.shapes import COLOURS, draw_object, name_axes
 
 _Z95 = 1.96
 _DIRECTION_COLOUR = {"does": COLOURS[0], "eoen": COLOURS[1]}
@@ -51,6 +52,7 @@ def plot_ranking(ranking: Ranking) -> Figure:
 def draw_hand(axis: Axes, evaluation: Evaluation, direction: str) -> None:
     """The limbs, the gap, the goal line and the object at a start, to scale."""
     data = evaluation.dataset.sel(direction=direction)
+    units = length_unit_of(data)
     for x0, y0, x1, y1 in data.limbs.values:
         axis.plot([x0, x1], [y0, y1], color="black", lw=2, solid_capstyle="round")
     ax, ay, bx, by = data.goal.values
@@ -65,7 +67,7 @@ def draw_hand(axis: Axes, evaluation: Evaluation, direction: str) -> None:
     x0, y0, x1, y1 = data.passage.values
     axis.annotate("", (x0, y0), (x1, y1), arrowprops={"arrowstyle": "<->", "color": "0.4"})
     axis.annotate(
-        f"gap {float(data.gap):.4g}",
+        f"gap {with_unit(float(data.gap), units)}",
         ((x0 + x1) / 2, (y0 + y1) / 2),
         (0, -4),
         textcoords="offset points",
@@ -79,8 +81,7 @@ def draw_hand(axis: Axes, evaluation: Evaluation, direction: str) -> None:
     axis.set_title(
         f"{NAMES[direction]}: " + ("escape from inside" if direction == "does" else "enter")
     )
-    axis.set_xlabel("x [model length]")
-    axis.set_ylabel("y [model length]")
+    name_axes(axis, units)
     axis.legend(loc="center", fontsize=9, frameon=False)
 
 

@@ -12,11 +12,17 @@ from pcjax.model.bodies.base import placed_outline
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import PAPER_DT
 from pcjax.simulate.replay import Frames, Recording, record
-from pcjax.view.shapes import COLOURS, draw_object
+from pcjax.view.shapes import COLOURS, draw_object, name_axes
 
 
 def plot_scenes(
-    scenario: Scenario, times: Sequence[float], *, seed: int = 0, trial: int = 0, dt: float = 0.01
+    scenario: Scenario,
+    times: Sequence[float],
+    *,
+    seed: int = 0,
+    trial: int = 0,
+    dt: float = 0.01,
+    units: str = "model",
 ) -> Figure:
     """One trial at some of its times, to scale and upright: the base, the links, hand and object.
 
@@ -28,6 +34,7 @@ def plot_scenes(
         times: seconds since the trial began; 0 is its start. After its end all stays as it is.
         seed, trial: as for `pcjax.trajectory`.
         dt: the step, s.
+        units: of lengths (see `pcjax.units`), for the labels.
     """
     steps = max(round(max(times) / PAPER_DT), 1)
     recording = record(scenario, seed=seed, trial=trial, max_steps=steps, dt=dt)
@@ -39,9 +46,9 @@ def plot_scenes(
         _draw_sideways_pull(axis, frames, k, 0.4 * float(scenario.hand.palm_length))
         axis.set_aspect("equal")
         axis.grid(alpha=0.25)
-        axis.set_xlabel("x [model length]")
+        name_axes(axis, units)
+        axis.label_outer()
         axis.set_title(f"{time:g} s", fontsize=10)
-    axes[0].set_ylabel("y [model length]")
     return figure
 
 

@@ -9,7 +9,15 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle as Disc
 
+from pcjax.units import length_in_words
+
 COLOURS = ("#0072b2", "#d55e00", "#009e73")
+
+
+def name_axes(axis: Axes, units: str) -> None:
+    """Labels of a picture that is to scale, with the unit of lengths."""
+    unit = length_in_words(units)
+    axis.set(xlabel=f"x [{unit}]", ylabel=f"y [{unit}]")
 
 
 def draw_object(

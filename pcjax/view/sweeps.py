@@ -170,8 +170,11 @@ def _figure(
         value, _, low, high = values[order].T
         axis.plot(places[order], value, "o-", ms=4, color=colour, label=name)
         axis.fill_between(places[order], low, high, color=colour, alpha=0.25, lw=0)
-    unit = " [deg]" if x.endswith("_deg") else ""
-    axis.set_xlabel(x.removesuffix("_deg").replace("_", " ") + unit)
+    unit = str(data[x].attrs.get("units", ""))
+    # The model's lengths have no unit, and earlier files say "as in the study" of all but angles.
+    bare = unit in ("", "1", "as in the study") or "model" in unit
+    words = "" if bare else f" [{unit.replace('degree', 'deg')}]"
+    axis.set_xlabel(x.removesuffix("_deg").replace("_", " ") + words)
     axis.set_ylabel(label)
     if len(lines) > 1:
         axis.legend(fontsize=9)
