@@ -28,6 +28,7 @@ from pcjax.paper import constants as paper
 from pcjax.paper.claims import FIGURES_NEEDED, judge_claims
 from pcjax.paper.figures import run_figure
 from pcjax.study import Study
+from pcjax.view.plots import plot_evaluation
 
 # A wide gate and inclined fingertips: within 50 s about half of the trials pass.
 SMALL = "--trials 64 --max-steps 50_000 --fingertip-angle -20 --gap-width 400"
@@ -288,9 +289,19 @@ def test_lengths_that_are_not_given_follow_the_palm(command: Command):
 def test_a_hand_has_the_same_indices_in_mm_and_in_m(command: Command):
     line = "evaluate --json --trials 64 --max-steps 50_000 --fingertip-angle -20"
     mm, metres = (
-        one_object(command(f"{line} --units {units} --palm-length {palm} --gap-width {gap}"))
+        one_object(
+            command(
+                f"{line} --units {units} --palm-length {palm} --gap-width {gap} --out {units}.nc"
+            )
+        )
         for units, palm, gap in (("mm", 90, 72), ("m", 0.09, 0.072))
     )
+    kept = pcjax.Evaluation.load("mm.nc")
+    assert kept.dataset.attrs["length_unit"] == "mm"
+    for name in ("limbs", "goal", "passage", "gap", "start", "outline"):
+        assert kept.dataset[name].units == "mm"
+    axis = plot_evaluation(kept).axes[0]
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ("x [mm]", "y [mm]")
     for direction in ("does", "eoen"):
         assert mm["status"][direction]["passed"] > 8
         # Rounding to 32 bits may tell a few of the trials apart.

@@ -106,7 +106,7 @@ class Parameter:
 
     Attributes:
         name: one of those in `HELP`, without the unit.
-        low, high: its bounds, in degrees or model lengths.
+        low, high: its bounds, in degrees, or a length.
         kind: which of the kinds.
         fingers: 0 and 1 for finger 1 and 2.
         joint: which joint or limb of the finger, from 0; -1 for the fingertip.
@@ -121,7 +121,7 @@ class Parameter:
 
     @property
     def unit(self) -> str:
-        """ "deg", or "" for a model length."""
+        """ "deg", or "" for a length."""
         return _KINDS[self.kind].unit
 
     @property
@@ -141,7 +141,7 @@ def parameter(
 
     Arguments:
         name: see `HELP`.
-        low, high: degrees or model lengths. Unless given: -30 to 50 deg for fingertips, 40 deg
+        low, high: degrees or lengths. Unless given: -30 to 50 deg for fingertips, 40 deg
             either way for joints, 0.05 to 0.35 L_p for fingertips' lengths, 0.2 to 0.8 L_p for the
             gap, half to one and a half of a link.
 
@@ -214,7 +214,7 @@ def linear_limit(text: str, free: Sequence[Parameter]) -> Limit:
     Arguments:
         text: terms of parameters with coefficients, then <= or >=, then a number; hyphens within
             names stand for underscores.
-        free: the parameters that it may name; degrees and model lengths.
+        free: the parameters that it may name; degrees and lengths.
 
     Raises:
         ValueError: it cannot be read, or names something that is not free.
