@@ -14,9 +14,11 @@ import xarray as xr
 from jaxtyping import Array, Bool, Float
 
 from pcjax.checks import check_count, check_kind
+from pcjax.compiling import compiled_quickly
 from pcjax.design.compare import score_all
 from pcjax.design.search import grid_lines
 from pcjax.design.space import DesignSpace
+from pcjax.geometry import Scalar
 from pcjax.model.bodies.base import Body
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.base import Drive
@@ -54,9 +56,9 @@ def shapes(
     return gaps.reshape(designs.shape[:-1]), there.reshape(designs.shape[:-1])
 
 
-@functools.partial(jax.jit, static_argnames="directions")
+@functools.partial(compiled_quickly, static_argnames="directions")
 def _shapes(
-    body: Body, drive: Drive, law: ContactLaw, spread: Array, hands: HandDesign, directions: tuple
+    body: Body, drive: Drive, law: ContactLaw, spread: Scalar, hands: HandDesign, directions: tuple
 ) -> tuple[Array, Array]:
     def one(hand: HandDesign) -> tuple[Array, Array]:
         there = jnp.all(jnp.array([length > 0 for row in hand.lengths for length in row]))

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 from scipy.optimize import nnls
 
 from pcjax.checks import check_between, check_finite
+from pcjax.compiling import compiled_quickly
 from pcjax.geometry import Flag, Scalar
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import is_hand, why_no_eoen
@@ -523,7 +524,7 @@ class DesignSpace:
         return {p.label: float(v) for p, v in zip(self.free, design, strict=True)}
 
 
-@functools.partial(jax.jit, static_argnames="directions")
+@functools.partial(compiled_quickly, static_argnames="directions")
 def _gap_and_verdict(hand: HandDesign, directions: tuple[str, ...]) -> tuple[Scalar, Flag]:
     return hand.gap(), is_hand(hand, directions)
 

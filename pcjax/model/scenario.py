@@ -13,6 +13,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from pcjax.checks import check_between, check_kind
+from pcjax.compiling import compiled_quickly
 from pcjax.geometry import (
     Flag,
     Scalar,
@@ -118,42 +119,55 @@ class Scenario(eqx.Module):
         along the palm and the same along the hand's axis. Where the first limb leans in, the circle
         is shifted along the palm so as to stay as far from it.
         """
-        left = draws[0] < 0.5
-        spread = self.start_spread * self.hand.palm_length
-        side = jnp.where(left, -1.0, 1.0)
-        corner = jnp.where(left, self._corner_inset(0), self._corner_inset(1))
-        lean = jnp.where(left, self._lean(0), self._lean(1))
-        up = draws[2] * spread
-        x = side * (self.hand.palm_length / 2 - corner - draws[1] * spread - lean * up)
-        return Vec(x, self.body.radius + up)
+        return _start(self.hand, self.body.radius, self.start_spread, draws)
 
     def corner_start(self) -> Vec:
         """The start closest to the corner at the palm's right end."""
-        return self.start(jnp.array([0.9, 0.0, 0.0]))
-
-    def _corner_inset(self, finger: int) -> Scalar:
-        # The circle's centre lies on the bisector of the corner between palm and first limb.
-        return self.body.radius * jnp.tan(self.hand.angles[finger][0] / 2)
-
-    def _lean(self, finger: int) -> Scalar:
-        # How far the first limb comes in for each unit of height; a right angle is none.
-        angle = self.hand.angles[finger][0]
-        rise = jnp.sin(angle)
-        leans = (jnp.cos(angle) < -1e-6) & (rise > 0)
-        return jnp.where(leans, -jnp.cos(angle) / jnp.where(leans, rise, 1.0), 0.0)
+        return _corner_start(self.hand, self.body.radius, self.start_spread)
 
     def fit(self) -> Fit:
         """Whether its starts are where they have to be; for numbers that may be traced."""
-        corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
-        draws = jnp.array([[[end, *corner] for end in (0.0, 0.9)] for corner in corners])
-        boxes = jax.vmap(jax.vmap(self.start))(draws)
-        boxes = [jax.tree.map(lambda x, k=k: x[k], boxes) for k in range(len(corners))]
-        goal, region = self.hand.goal(), self.hand.region()
-        each = jax.vmap(_distance_to_box, (0, None))
-        least = jnp.min(jax.vmap(each, (None, 0))(stacked(self.hand.limbs()), boxes))
-        crossed = jax.vmap(_distance_to_box, (None, 0))(segment_between(goal.a, goal.b), boxes)
-        outside = jnp.any((crossed <= 0.0) | jnp.logical_not(is_inside(region, boxes[0])))
-        return Fit(least - self.body.radius, outside)
+        return _fit(self.hand, self.body.radius, self.start_spread)
+
+
+def _start(hand: HandDesign, radius: Scalar, start_spread: Scalar, draws: Array) -> Vec:
+    left = draws[0] < 0.5
+    spread = start_spread * hand.palm_length
+    side = jnp.where(left, -1.0, 1.0)
+    corner = jnp.where(left, *(_corner_inset(finger[0], radius) for finger in hand.angles))
+    lean = jnp.where(left, *(_lean(finger[0]) for finger in hand.angles))
+    up = draws[2] * spread
+    x = side * (hand.palm_length / 2 - corner - draws[1] * spread - lean * up)
+    return Vec(x, radius + up)
+
+
+def _corner_start(hand: HandDesign, radius: Scalar, start_spread: Scalar) -> Vec:
+    return _start(hand, radius, start_spread, jnp.array([0.9, 0.0, 0.0]))
+
+
+def _corner_inset(angle: Scalar, radius: Scalar) -> Scalar:
+    # The circle's centre lies on the bisector of the corner between palm and first limb.
+    return radius * jnp.tan(angle / 2)
+
+
+def _lean(angle: Scalar) -> Scalar:
+    # How far the first limb comes in for each unit of height; a right angle is none.
+    rise = jnp.sin(angle)
+    leans = (jnp.cos(angle) < -1e-6) & (rise > 0)
+    return jnp.where(leans, -jnp.cos(angle) / jnp.where(leans, rise, 1.0), 0.0)
+
+
+def _fit(hand: HandDesign, radius: Scalar, start_spread: Scalar) -> Fit:
+    corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+    draws = jnp.array([[[end, *corner] for end in (0.0, 0.9)] for corner in corners])
+    boxes = jax.vmap(jax.vmap(lambda one: _start(hand, radius, start_spread, one)))(draws)
+    boxes = [jax.tree.map(lambda x, k=k: x[k], boxes) for k in range(len(corners))]
+    goal, region = hand.goal(), hand.region()
+    each = jax.vmap(_distance_to_box, (0, None))
+    least = jnp.min(jax.vmap(each, (None, 0))(stacked(hand.limbs()), boxes))
+    crossed = jax.vmap(_distance_to_box, (None, 0))(segment_between(goal.a, goal.b), boxes)
+    outside = jnp.any((crossed <= 0.0) | jnp.logical_not(is_inside(region, boxes[0])))
+    return Fit(least - radius, outside)
 
 
 def check_kinds(hand: Any, body: Any, drive: Any, law: Any) -> None:
@@ -220,12 +234,12 @@ class Geometry(eqx.Module):
     start: Vec
 
 
-@jax.jit
-def _geometry(scenario: Scenario) -> Geometry:
-    """All of it as one program: function by function it would be fifty."""
-    hand = scenario.hand
+@compiled_quickly
+def _geometry(hand: HandDesign, radius: Scalar, start_spread: Scalar) -> Geometry:
+    """All of it as one program: function by function it would be fifty. It is of the hand and two
+    numbers alone, so that bodies, drives and laws share it."""
     return Geometry(
-        scenario.fit(),
+        _fit(hand, radius, start_spread),
         hand.gap(),
         hand.crossings(),
         hand.faces(),
@@ -233,7 +247,7 @@ def _geometry(scenario: Scenario) -> Geometry:
         hand.limbs(),
         hand.goal(),
         hand.narrowest_passage(),
-        scenario.corner_start(),
+        _corner_start(hand, radius, start_spread),
     )
 
 
@@ -302,7 +316,8 @@ def check_geometry(scenario: Scenario) -> float:
 def geometry_of(scenario: Scenario) -> Geometry:
     """What a scenario looks like whose numbers are concrete, in 64 bits."""
     with jax.enable_x64(True):
-        return jax.device_get(_geometry(jax.tree.map(float, scenario)))
+        numbers = (scenario.hand, scenario.body.radius, scenario.start_spread)
+        return jax.device_get(_geometry(*jax.tree.map(float, numbers)))
 
 
 def _advice(scenario: Scenario) -> str:
@@ -405,7 +420,7 @@ def same_gap(gap: Any, other: Any) -> Any:
     return abs(gap - other) <= 1e-9 * (gap + other)
 
 
-@jax.jit
+@compiled_quickly
 def _seen_from_outside(
     hand: HandDesign,
 ) -> tuple[Scalar, Scalar, dict[tuple[str, str], Flag]]:

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pcjax.checks import check_count
+from pcjax.compiling import compiled_quickly
 from pcjax.geometry import Vec
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import Scenario
@@ -173,7 +174,7 @@ def _regions(scenarios: Sequence[Scenario]) -> Float[np.ndarray, "conditions cor
     return np.stack([[corner.x, corner.y] for corner in corners]).transpose(2, 0, 1)
 
 
-@jax.jit
+@compiled_quickly
 def _corners(hands: HandDesign) -> list[Vec]:
     zero = hands.palm_length * 0.0
     found = jax.vmap(HandDesign.region)(hands)
