@@ -57,14 +57,14 @@ def pictures(notebook: nbformat.NotebookNode) -> int:
 @pytest.mark.usefixtures("programs_for_all")
 def test_progress_is_shown_in_a_notebook_if_asked_for(tmp_path: Path) -> None:
     run = "import pcjax; pcjax.evaluate(trials=64, max_steps=20_000, progress={})"
-    shown = []
-    for asked in (True, False):
-        notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(run.format(asked))])
-        NotebookClient(
-            notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}}
-        ).execute()
-        told = [o for o in notebook.cells[0].outputs if o.get("name") == "stderr"]
-        shown.append("".join(output.text for output in told))
-    assert "trials" in shown[0]
-    assert "128" in shown[0]
-    assert shown[1] == ""
+    notebook = nbformat.v4.new_notebook(
+        cells=[nbformat.v4.new_code_cell(run.format(asked)) for asked in (True, False)]
+    )
+    NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    shown, silent = (
+        "".join(output.text for output in cell.outputs if output.get("name") == "stderr")
+        for cell in notebook.cells
+    )
+    assert "trials" in shown
+    assert "128" in shown
+    assert silent == ""
