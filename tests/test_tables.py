@@ -169,7 +169,7 @@ def test_a_map_fits() -> None:
 def test_an_optimum_fits() -> None:
     space = pcjax.design_space(
         pcjax.box_hand(),
-        {"fingertip_angle_1": (-30, 50), "fingertip_length_2": (25, 175)},
+        {"fingertip_angle_1_deg": (-30, 50), "fingertip_length_2": (25, 175)},
         50.0,
     )
     task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 600_000)

@@ -32,7 +32,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from pcjax.checks import check_between, check_count, check_kind
-from pcjax.compiling import compiled_quickly
 from pcjax.geometry import Scalar
 from pcjax.model.bodies.base import Body
 from pcjax.model.contact import ContactLaw
@@ -438,7 +437,7 @@ def _judge(
     return jax.vmap(jax.vmap(jax.value_and_grad(quality)))(means)
 
 
-@functools.partial(compiled_quickly, static_argnums=1)
+@functools.partial(jax.jit, static_argnums=1)
 def _layer_widths(hands: HandDesign, share: float) -> Array:
     return jax.vmap(lambda hand: jnp.asarray(Layer.of(hand.channel(), share).width))(hands)
 
