@@ -24,7 +24,7 @@ from jaxtyping import Float
 from pcjax.geometry import Vec
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.contact import ContactLaw
-from pcjax.model.drives.wrist import Swing, WristTilt
+from pcjax.model.drives.wrist import TiltProfile, WristTilt
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import Scenario, check_geometry, does, eoen
 from pcjax.physics.state import INVALID, PASSED, RUNNING, State, at_rest
@@ -253,21 +253,21 @@ def _growth(scenario: Scenario, draws: jax.Array, leaps: int) -> tuple[jax.Array
         position = scenario.start(draw[:3])
         speed = jnp.sqrt(drive.gravity * scenario.hand.palm_length) * draw[3]
         velocity = Vec(speed * jnp.cos(2 * jnp.pi * draw[4]), speed * jnp.sin(2 * jnp.pi * draw[4]))
-        swing: Swing = drive.swing(draw[5:7], draw[5:7], False)
-        held = swing.held
+        profile: TiltProfile = drive.profile(draw[5:7], draw[5:7], False)
+        held = profile.held
         zero = jnp.zeros((), jnp.int32)
 
         def energy(position: Vec, velocity: Vec) -> jax.Array:
             return jnp.asarray(0.5 * velocity.dot(velocity) - held.dot(position))
 
         def by_leap(flight: Flight, _: None) -> tuple[Flight, jax.Array]:
-            moved = leap(world, swing, drive.ramp_time, flight)
+            moved = leap(world, profile, drive.ramp_time, flight)
             before = energy(flight.position, flight.velocity)
             after = energy(moved.position, moved.velocity)
             return moved, jnp.where(moved.status == RUNNING, after - before, 0.0)
 
         def by_step(state: State, _: None) -> tuple[State, jax.Array]:
-            moved = advance(world, swing, state, dt)
+            moved = advance(world, profile, state, dt)
             before = energy(state.position, state.velocity)
             after = energy(moved.position, moved.velocity)
             return moved, jnp.where(moved.status == RUNNING, after - before, 0.0)

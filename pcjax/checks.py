@@ -93,9 +93,9 @@ def check_radians(angles: Mapping[str, Any]) -> None:
         level, frame = level + 1, frame.f_back
     if _package_of(frame) == __package__:
         return
-    told = ", ".join(f"{name} is {number:g}" for name, number in large.items())
+    listed = ", ".join(f"{name} is {number:g}" for name, number in large.items())
     warnings.warn(
-        f"{told}: angles are in radians, and this is more than a turn; are these degrees? "
+        f"{listed}: angles are in radians, and this is more than a turn; are these degrees? "
         "math.radians converts them",
         InputWarning,
         stacklevel=level,

@@ -104,10 +104,10 @@ class Quantity:
 
     def why_missing(self, units: str) -> str:
         """That it has to be given, and why if a default in model units does not do."""
-        told = f"{self.file_key or self.name} is missing"
+        problem = f"{self.file_key or self.name} is missing"
         if units not in PER_METRE or (self.default is MISSING and not self.usual):
-            return told
-        return f"{told}: what is usual is in the paper's model units, and lengths are in {units}"
+            return problem
+        return f"{problem}: what is usual is in the paper's model units, and lengths are in {units}"
 
     def from_file(self, value: Any) -> Any:
         """What is written in a file or a flag, as Python has it."""

@@ -53,22 +53,22 @@ def where(condition: Flag, a: Vec, b: Vec) -> Vec:
     return Vec(jnp.where(condition, a.x, b.x), jnp.where(condition, a.y, b.y))
 
 
-def fence(value: Scalar, one: Scalar) -> Scalar:
+def fence(value: Scalar, barrier: Scalar) -> Scalar:
     """`value`, computed once: a division by a 1 that the compiler cannot see through.
 
     XLA's fusion on the CPU copies cheap elementwise producers into each of their consumers, so a
     long chain with several outputs is recomputed dozens of times. It never copies a division.
-    `one` has to be a run-time 1 (see `runtime_one`); dividing by it is exact.
+    `barrier` has to be a run-time 1 (see `runtime_barrier`); dividing by it is exact.
     """
-    return value / one
+    return value / barrier
 
 
-def fence_all(tree: T, one: Scalar) -> T:
+def fence_all(tree: T, barrier: Scalar) -> T:
     """`fence` for every number of a pytree."""
-    return jax.tree.map(lambda value: fence(value, one), tree)
+    return jax.tree.map(lambda value: fence(value, barrier), tree)
 
 
-def runtime_one(count: Int[Array, ""], like: Scalar) -> Scalar:
+def runtime_barrier(count: Int[Array, ""], like: Scalar) -> Scalar:
     """1 with the dtype of `like`, from a count that is never negative."""
     return jnp.where(count < 0, 2.0, 1.0).astype(jnp.result_type(like))
 

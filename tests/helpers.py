@@ -15,32 +15,34 @@ from pcjax.physics.step import step
 _CHUNK = 100
 
 
-def _scan(scenario: Scenario, swing: Any, begin: State, steps: int, dt: Any) -> State:
+def _scan(scenario: Scenario, profile: Any, begin: State, steps: int, dt: Any) -> State:
     def one(state: State, _: None) -> tuple[State, State]:
-        state = step(scenario, swing, state, dt)
+        state = step(scenario, profile, state, dt)
         return state, state
 
     return jax.lax.scan(one, begin, length=steps)[1]
 
 
 @jax.jit
-def _chunk(scenario: Scenario, swing: Any, begin: State, dt: Any) -> State:
-    return _scan(scenario, swing, begin, _CHUNK, dt)
+def _chunk(scenario: Scenario, profile: Any, begin: State, dt: Any) -> State:
+    return _scan(scenario, profile, begin, _CHUNK, dt)
 
 
-def roll(scenario: Scenario, swing: Any, begin: State, steps: int, dt: float) -> State:
+def roll(scenario: Scenario, profile: Any, begin: State, steps: int, dt: float) -> State:
     """All the states after each of `steps` steps, with 64-bit numbers.
 
     Numbers may be traced; if none is, the steps go in chunks, so that nothing has to be compiled
     anew for another number of them.
     """
-    if any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves((scenario, swing, begin))):
-        return _scan(scenario, swing, begin, steps, dt)
-    scenario, swing = jax.tree.map(lambda leaf: np.asarray(leaf, float), (scenario, swing))
+    if any(
+        isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves((scenario, profile, begin))
+    ):
+        return _scan(scenario, profile, begin, steps, dt)
+    scenario, profile = jax.tree.map(lambda leaf: np.asarray(leaf, float), (scenario, profile))
     state, parts = jax.tree.map(np.asarray, begin), []
     # Python's whole numbers stand for lengths; counts are 32-bit.
     state = jax.tree.map(lambda leaf: leaf + 0.0 if leaf.dtype == np.int64 else leaf, state)
     for _ in range(-(-steps // _CHUNK)):
-        parts.append(jax.device_get(_chunk(scenario, swing, state, np.float64(dt))))
+        parts.append(jax.device_get(_chunk(scenario, profile, state, np.float64(dt))))
         state = jax.tree.map(lambda leaf: leaf[-1], parts[-1])
     return jax.tree.map(lambda *leaves: jnp.asarray(np.concatenate(leaves)[:steps]), *parts)

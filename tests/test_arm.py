@@ -14,7 +14,7 @@ from pcjax.geometry import Vec
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.bodies.stick import Stick
 from pcjax.model.contact import ContactLaw
-from pcjax.model.drives.arm import Gesture, PlanarArm
+from pcjax.model.drives.arm import JointProfile, PlanarArm
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import check_geometry, does, eoen
@@ -33,20 +33,20 @@ OPEN = HandDesign(4000.0, ((10.0,), (10.0,)), ((-0.5,), (-0.5,)))
 """A palm that is nearly a plane, with fingers out of the way."""
 
 
-def gesture(arm: PlanarArm, start: tuple, target: tuple) -> Gesture:
+def joint_profile(arm: PlanarArm, start: tuple, target: tuple) -> JointProfile:
     """A period from some joint angles to others."""
     numbers = [tuple(jnp.asarray(float(v)) for v in joints) for joints in (start, target)]
-    return Gesture(numbers[0], numbers[1], arm._gravity_at(numbers[1]))
+    return JointProfile(numbers[0], numbers[1], arm._gravity_at(numbers[1]))
 
 
 @jax.jit
-def at(arm: PlanarArm, swing: Gesture, time: float) -> tuple[Vec, jax.Array]:
-    joints, angle = arm.pose(swing, jnp.asarray(time))
+def at(arm: PlanarArm, profile: JointProfile, time: float) -> tuple[Vec, jax.Array]:
+    joints, angle = arm.pose(profile, jnp.asarray(time))
     return joints[-1], angle
 
 
-def to_world(arm: PlanarArm, swing: Gesture, time: float, x: float, y: float) -> np.ndarray:
-    origin, a = at(arm, swing, time)
+def to_world(arm: PlanarArm, profile: JointProfile, time: float, x: float, y: float) -> np.ndarray:
+    origin, a = at(arm, profile, time)
     turn = np.array([[math.cos(a), -math.sin(a)], [math.sin(a), math.cos(a)]])
     return np.array([float(origin.x), float(origin.y)]) + turn @ np.array([x, y])
 
@@ -66,30 +66,30 @@ def test_a_free_object_moves_on_a_parabola_in_the_world(dt: float, direction: fl
     arm = PlanarArm(lengths=(200.0, 180.0, 30.0), **turned)
     pull = np.array([0.0, -G] if direction is None else [math.cos(0.7) * G, math.sin(0.7) * G])
     scenario = does(OPEN, Circle(500.0), arm)
-    swing = gesture(arm, START, TARGET)
+    profile = joint_profile(arm, START, TARGET)
     n = round(7.0 / dt)
-    path = roll(scenario, swing, state(10.0, 3000.0, 4.0, -3.0), n, dt)
-    _, angle = at(arm, swing, 0.0)
+    path = roll(scenario, profile, state(10.0, 3000.0, 4.0, -3.0), n, dt)
+    _, angle = at(arm, profile, 0.0)
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-    p0, v0 = to_world(arm, swing, 0.0, 10.0, 3000.0), turn @ np.array([4.0, -3.0])
+    p0, v0 = to_world(arm, profile, 0.0, 10.0, 3000.0), turn @ np.array([4.0, -3.0])
     for k in (0, n // 3, n // 2, n - 1):
         t = (k + 1) * dt
         expected = p0 + v0 * t + pull * (t**2 / 2)
-        got = to_world(arm, swing, t, float(path.position.x[k]), float(path.position.y[k]))
+        got = to_world(arm, profile, t, float(path.position.x[k]), float(path.position.y[k]))
         np.testing.assert_allclose(got, expected, atol=1e-7)
 
 
 def test_the_hands_velocity_is_the_derivative_of_its_pose() -> None:
     arm = PlanarArm(lengths=(200.0, 180.0, 30.0))
-    swing = gesture(arm, START, TARGET)
+    profile = joint_profile(arm, START, TARGET)
     dt, t = 0.01, 2.0
-    motion = arm.fly(swing, Vec(*jnp.zeros(2)), Vec(*jnp.zeros(2)), jnp.asarray(t - dt), dt)
+    motion = arm.fly(profile, Vec(*jnp.zeros(2)), Vec(*jnp.zeros(2)), jnp.asarray(t - dt), dt)
     h = 1e-5
-    later, earlier = (to_world(arm, swing, t + s * h, 7.0, -4.0) for s in (1, -1))
-    _, angle = at(arm, swing, t)
+    later, earlier = (to_world(arm, profile, t + s * h, 7.0, -4.0) for s in (1, -1))
+    _, angle = at(arm, profile, t)
     back = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
-    assert motion.carry is not None
-    got = motion.carry.at(Vec(7.0, -4.0))
+    assert motion.twist is not None
+    got = motion.twist.at(Vec(7.0, -4.0))
     np.testing.assert_allclose([got.x, got.y], back @ (later - earlier) / (2 * h), atol=1e-6)
 
 
@@ -98,8 +98,8 @@ def test_an_object_at_rest_is_carried_by_an_accelerating_palm() -> None:
     # accelerates towards the base by less than g. Without rebound the circle stays on the palm.
     arm = PlanarArm(lengths=(300.0, 0.0, 0.0), mount_angle=math.pi / 2)
     scenario = does(OPEN, Circle(5.0), arm, ContactLaw(restitution=0.0))
-    swing = gesture(arm, (-0.2, 0.0, 0.0), (0.2, 0.0, 0.0))
-    path = roll(scenario, swing, state(0.0, 5.0), 400, 0.01)
+    profile = joint_profile(arm, (-0.2, 0.0, 0.0), (0.2, 0.0, 0.0))
+    path = roll(scenario, profile, state(0.0, 5.0), 400, 0.01)
     np.testing.assert_allclose(path.position.y, 5.0, atol=1e-9)
     # Momentum: along the palm nothing acts but gravity, so in the world x'' = N sin, which stays
     # small; normal to it the circle has the palm's own velocity.
@@ -114,11 +114,11 @@ def test_a_bead_slides_outwards_on_a_turning_palm() -> None:
     arm = PlanarArm(lengths=(0.0, 0.0, 0.0), gravity=0.0)
     scenario = does(OPEN, Circle(5.0), arm, ContactLaw(restitution=0.0))
     w = 0.3
-    swing = gesture(arm, (0.0, 0.0, 0.0), (5 * w, 0.0, 0.0))
+    profile = joint_profile(arm, (0.0, 0.0, 0.0), (5 * w, 0.0, 0.0))
     for dt, tolerance in ((0.02, 2e-5), (0.005, 2e-6)):
         n = round(4.0 / dt)
         begin = state(100.0, 5.0, 100.0 * w - 5.0 * w, 100.0 * w)
-        path = roll(scenario, swing, begin, n, dt)
+        path = roll(scenario, profile, begin, n, dt)
         np.testing.assert_allclose(path.position.y, 5.0, atol=1e-6)
         assert float(path.position.x[-1]) == pytest.approx(
             100 * math.exp(w * n * dt), rel=tolerance
@@ -132,16 +132,16 @@ def test_a_limb_that_sweeps_into_an_object_passes_on_its_velocity(dt: float) -> 
     arm = PlanarArm(lengths=(100.0, 0.0, 0.0), gravity=0.0, mount_angle=0.0)
     scenario = does(OPEN, Circle(5.0), arm, ContactLaw(restitution=1.0))
     spin = 0.1
-    swing = gesture(arm, (0.0, 0.0, 0.0), (5 * spin, 0.0, 0.0))
+    profile = joint_profile(arm, (0.0, 0.0, 0.0), (5 * spin, 0.0, 0.0))
     n = round(3.0 / dt)
-    path = roll(scenario, swing, state(400.0, 12.0), n, dt)
-    _, angle = at(arm, swing, n * dt)
+    path = roll(scenario, profile, state(400.0, 12.0), n, dt)
+    _, angle = at(arm, profile, n * dt)
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     velocity = turn @ np.array([float(path.velocity.x[-1]), float(path.velocity.y[-1])])
     # The impact by hand: the palm is a line at 100 from the base, along the normal at angle spin t.
     t = np.linspace(0, 3, 3_000_001)
     normal = np.stack([np.cos(spin * t), np.sin(spin * t)], 1)
-    start = to_world(arm, swing, 0.0, 400.0, 12.0)
+    start = to_world(arm, profile, 0.0, 400.0, 12.0)
     hit = int(np.argmax(normal @ start - 100.0 <= 5.0))
     along = normal[hit, 0] * start[1] - normal[hit, 1] * start[0]
     expected = 2 * abs(spin * along) * normal[hit]
@@ -184,9 +184,9 @@ def test_energy_never_grows_while_the_arm_is_still() -> None:
     arm = PlanarArm()
     scenario = does(two_joint_hand(), Circle(50.0), arm)
     still = (0.1, 0.6, 0.0)
-    swing = gesture(arm, still, still)
-    path = roll(scenario, swing, state(5.0, 90.0, 20.0, -30.0), 2000, 0.005)
-    felt = arm._gravity_at(swing.target)
+    profile = joint_profile(arm, still, still)
+    path = roll(scenario, profile, state(5.0, 90.0, 20.0, -30.0), 2000, 0.005)
+    felt = arm._gravity_at(profile.target)
     kinetic = 0.5 * (path.velocity.x**2 + path.velocity.y**2)
     energy = np.asarray(kinetic - felt.x * path.position.x - felt.y * path.position.y)
     running = np.asarray(path.status) == 0

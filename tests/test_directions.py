@@ -108,13 +108,13 @@ def test_gravity_outside_is_the_mirror_image_of_one_that_is_as_likely() -> None:
     turned = drive.mirrored(mirror)
     for draws in np.random.default_rng(0).random((20, 2)):
         other = np.array([draws[0], 1 - draws[1]])  # T2 with the other sign
-        swings = [
-            d.swing(jnp.asarray(x), jnp.asarray(x), first=False)
+        profiles = [
+            d.profile(jnp.asarray(x), jnp.asarray(x), first=False)
             for d, x in ((turned, draws), (drive, other))
         ]
-        expected = mirror.vector(swings[1].held)
-        assert float(swings[0].held.x) == pytest.approx(float(expected.x), abs=1e-12)
-        assert float(swings[0].held.y) == pytest.approx(float(expected.y), abs=1e-12)
+        expected = mirror.vector(profiles[1].held)
+        assert float(profiles[0].held.x) == pytest.approx(float(expected.x), abs=1e-12)
+        assert float(profiles[0].held.y) == pytest.approx(float(expected.y), abs=1e-12)
 
 
 def test_a_closed_hand_lets_nobody_in_or_out() -> None:

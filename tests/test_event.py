@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from pcjax.geometry import Vec
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.contact import ContactLaw
-from pcjax.model.drives.wrist import Swing, WristTilt
+from pcjax.model.drives.wrist import TiltProfile, WristTilt
 from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.state import INVALID, PASSED, RUNNING
@@ -35,10 +35,10 @@ def scenario(radius: float = 25.0, angle: float = 10.0, *, back: bool = False, *
     return make(box_hand(math.radians(angle)), Circle(radius), law=ContactLaw(**law))
 
 
-def held(x: float, y: float) -> Swing:
+def held(x: float, y: float) -> TiltProfile:
     """A wrist that is held where gravity has the components x, y."""
     zero = Vec(jnp.asarray(0.0), jnp.asarray(0.0))
-    return Swing(zero, zero, Vec(jnp.asarray(x), jnp.asarray(y)))
+    return TiltProfile(zero, zero, Vec(jnp.asarray(x), jnp.asarray(y)))
 
 
 def flight(x: float, y: float, vx: float = 0.0, vy: float = 0.0, time: float = 2.0) -> Flight:
@@ -49,16 +49,16 @@ def flight(x: float, y: float, vx: float = 0.0, vy: float = 0.0, time: float = 2
 
 
 @jax.jit
-def hop(scenario: Scenario, swing: Swing, before: Flight) -> Flight:
+def hop(scenario: Scenario, profile: TiltProfile, before: Flight) -> Flight:
     interval = scenario.drive.steady_interval(DRIFT * scenario.body.radius)
-    return leap(scenario.world(), swing, interval, before)
+    return leap(scenario.world(), profile, interval, before)
 
 
-def leaps(scenario: Scenario, swing: Swing, begin: Flight, most: int = 400) -> list[Flight]:
+def leaps(scenario: Scenario, profile: TiltProfile, begin: Flight, most: int = 400) -> list[Flight]:
     """The states after each leap, to the end of the period or the trial."""
     path = [begin]
     while path[-1].status == RUNNING and path[-1].time < 10:
-        path.append(hop(scenario, swing, path[-1]))
+        path.append(hop(scenario, profile, path[-1]))
         assert len(path) <= most
     return path
 
@@ -196,12 +196,12 @@ def clearance_along(radius: float, angle: float, back: bool, trial: int) -> tupl
 
     for k in range(3):
         draws = period_draws(key, k, 2)
-        swing = drive.swing(before, draws, k == 0)
+        profile = drive.profile(before, draws, k == 0)
         before = draws
         now = eqx.tree_at(lambda f: f.time, now, jnp.asarray(0.0))
         while float(now.time) < 10 and int(now.status) == RUNNING:
-            after = hop(condition, swing, now)
-            pull = numbers(drive.steady(swing, now.time, interval)[0])
+            after = hop(condition, profile, now)
+            pull = numbers(drive.steady(profile, now.time, interval)[0])
             span = float(after.time - now.time)
             # The straight or parabolic path between two states with the same acceleration.
             shares = np.linspace(0, 1, 9)

@@ -12,7 +12,7 @@ from jaxtyping import Array
 import pcjax
 from pcjax.components import quantity
 from pcjax.geometry import Flag, Scalar, Vec
-from pcjax.model.drives.wrist import Swing
+from pcjax.model.drives.wrist import TiltProfile
 from pcjax.model.motion import Motion
 from pcjax.model.scenario import World
 from pcjax.physics.contact.circle import meet_limbs
@@ -31,11 +31,13 @@ class OwnWrist(pcjax.Drive):
 
     targets_per_period = 2
 
-    def swing(self, before: Array, draws: Array, first: Flag) -> Swing:
-        return self.wrist.swing(before, draws, first)
+    def profile(self, before: Array, draws: Array, first: Flag) -> TiltProfile:
+        return self.wrist.profile(before, draws, first)
 
-    def fly(self, swing: Swing, position: Vec, velocity: Vec, time: Scalar, dt: Scalar) -> Motion:
-        return self.wrist.fly(swing, position, velocity, time, dt)
+    def fly(
+        self, profile: TiltProfile, position: Vec, velocity: Vec, time: Scalar, dt: Scalar
+    ) -> Motion:
+        return self.wrist.fly(profile, position, velocity, time, dt)
 
     def top_speed(self, reach: float) -> float:
         return self.wrist.top_speed(reach)
@@ -57,11 +59,11 @@ class OwnCircle(Bare):
 
 @register_contact(OwnCircle)
 def move_own_circle(
-    body: OwnCircle, world: World, state: State, free: Motion, dt: Scalar, one: Scalar
+    body: OwnCircle, world: World, state: State, free: Motion, dt: Scalar, barrier: Scalar
 ) -> State:
     travel = free.position - state.position
     safe = travel.dot(travel) < body.radius * body.radius
-    return judge(world, state, meet_limbs(world, free, dt, one), safe)
+    return judge(world, state, meet_limbs(world, free, dt, barrier), safe)
 
 
 def test_own_drive_and_body_give_the_same_trials_as_those_of_the_package() -> None:

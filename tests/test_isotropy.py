@@ -14,7 +14,7 @@ from pcjax.geometry import Segment, Vec
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.bodies.stick import Stick
 from pcjax.model.contact import ContactLaw
-from pcjax.model.drives.wrist import Swing
+from pcjax.model.drives.wrist import TiltProfile
 from pcjax.model.hand import Goal
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, World, does
@@ -40,9 +40,9 @@ def turned_world(world: World) -> World:
     return replace(world, limbs=limbs, goal=Goal(turned(world.goal.a), turned(world.goal.b)))
 
 
-def held(pull: Vec) -> Swing:
+def held(pull: Vec) -> TiltProfile:
     zero = Vec(jnp.asarray(0.0), jnp.asarray(0.0))
-    return Swing(zero, zero, pull)
+    return TiltProfile(zero, zero, pull)
 
 
 def state(place: Vec, velocity: Vec, angle: float, spin: float) -> State:
@@ -52,11 +52,11 @@ def state(place: Vec, velocity: Vec, angle: float, spin: float) -> State:
 
 
 @jax.jit
-def roll(world: World, swing: Swing, begin: State) -> State:
+def roll(world: World, profile: TiltProfile, begin: State) -> State:
     """The states after each of 800 steps of 5 ms."""
 
     def one(now: State, _: None) -> tuple[State, State]:
-        now = advance(world, swing, now, 5e-3)
+        now = advance(world, profile, now, 5e-3)
         return now, now
 
     return jax.lax.scan(one, begin, length=800)[1]

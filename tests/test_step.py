@@ -17,7 +17,7 @@ from scipy import integrate
 from pcjax.geometry import Vec
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.contact import ContactLaw
-from pcjax.model.drives.wrist import Swing, WristTilt
+from pcjax.model.drives.wrist import TiltProfile, WristTilt
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
@@ -30,10 +30,10 @@ pytestmark = pytest.mark.usefixtures("x64")
 G = 9.8
 
 
-def held(x: float, y: float) -> Swing:
+def held(x: float, y: float) -> TiltProfile:
     """A wrist that is held where gravity has the components x, y."""
     zero = Vec(jnp.asarray(0.0), jnp.asarray(0.0))
-    return Swing(zero, zero, Vec(jnp.asarray(x), jnp.asarray(y)))
+    return TiltProfile(zero, zero, Vec(jnp.asarray(x), jnp.asarray(y)))
 
 
 def state(x: float, y: float, vx: float = 0.0, vy: float = 0.0, clock: int = 10_000_000) -> State:
@@ -60,8 +60,8 @@ def test_free_fall_is_the_parabola() -> None:
 def test_fall_while_the_wrist_turns_matches_quadrature() -> None:
     # (1) with both angles moving uniformly from 0 to the targets in 1 s
     targets = (0.4, -0.3)
-    swing = WristTilt().swing(jnp.zeros(2), jnp.array(targets) / (math.pi / 3) + 0.5, True)
-    path = roll(wrist(), swing, state(0.0, 200.0, clock=0), 1000, 1e-3)
+    profile = WristTilt().profile(jnp.zeros(2), jnp.array(targets) / (math.pi / 3) + 0.5, True)
+    path = roll(wrist(), profile, state(0.0, 200.0, clock=0), 1000, 1e-3)
 
     def displacement(component: int) -> float:
         def pull(t: float) -> float:
@@ -281,8 +281,10 @@ def test_smoothed_contact_tends_to_the_hard_one() -> None:
     np.testing.assert_array_equal(last(0.0), hard)
 
 
-def final(scenario: Scenario, swing: Swing, begin: State, steps: int, dt: float) -> jax.Array:
-    path = roll(scenario, swing, begin, steps, dt)
+def final(
+    scenario: Scenario, profile: TiltProfile, begin: State, steps: int, dt: float
+) -> jax.Array:
+    path = roll(scenario, profile, begin, steps, dt)
     return jnp.stack([path.position.x[-1], path.position.y[-1], path.velocity.x[-1]])
 
 
@@ -308,11 +310,11 @@ def test_gradients_are_finite(begin: tuple[float, ...], smoothing: float) -> Non
 
 
 @jax.jit
-def both_modes(scenario: Scenario, swing: Swing, begin: State) -> tuple[Scenario, Scenario]:
+def both_modes(scenario: Scenario, profile: TiltProfile, begin: State) -> tuple[Scenario, Scenario]:
     """Derivatives of the end by all numbers of the scenario, in forward and reverse mode."""
 
     def outcome(scenario: Scenario) -> jax.Array:
-        return final(scenario, swing, begin, 60, 1e-2)
+        return final(scenario, profile, begin, 60, 1e-2)
 
     return jax.jacfwd(outcome)(scenario), jax.jacrev(outcome)(scenario)
 
@@ -367,11 +369,11 @@ def test_push_out_alone_would_have_wrong_derivatives(monkeypatch: pytest.MonkeyP
     # circle is, and how the impact's moment depends on the hand is lost: a negative control.
     import pcjax.physics.contact.circle as stages
 
-    begin, swing, steps = state(0.0, 100.0, 30.0, -10.0), held(1.0, -5.0), 4000
+    begin, profile, steps = state(0.0, 100.0, 30.0, -10.0), held(1.0, -5.0), 4000
 
     def outcome(radius: jax.Array, restitution: jax.Array, steps: int) -> jax.Array:
         law = ContactLaw(restitution=restitution)
-        return final(does(box_hand(0.2), Circle(radius), law=law), swing, begin, steps, 1e-3)
+        return final(does(box_hand(0.2), Circle(radius), law=law), profile, begin, steps, 1e-3)
 
     at, h = (jnp.asarray(25.0), jnp.asarray(0.6)), 1e-5
     difference = (outcome(at[0] + h, at[1], steps) - outcome(at[0] - h, at[1], steps)) / (2 * h)
@@ -385,9 +387,9 @@ def test_push_out_alone_would_have_wrong_derivatives(monkeypatch: pytest.MonkeyP
 
 
 def end_of(
-    scenario: Scenario, swing: Swing, begin: State, seconds: float, steps: int
+    scenario: Scenario, profile: TiltProfile, begin: State, seconds: float, steps: int
 ) -> np.ndarray:
-    path = roll(scenario, swing, begin, steps, seconds / steps)
+    path = roll(scenario, profile, begin, steps, seconds / steps)
     assert np.all(np.asarray(path.status) == RUNNING)
     return np.array([path.position.x[-1], path.position.y[-1]])
 

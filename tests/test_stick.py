@@ -17,7 +17,7 @@ from pcjax.model.bodies.circle import Circle
 from pcjax.model.bodies.stick import Stick
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.arm import PlanarArm
-from pcjax.model.drives.wrist import Swing
+from pcjax.model.drives.wrist import TiltProfile
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does
@@ -36,10 +36,10 @@ HALF = 50.0
 SKIN = 0.01
 
 
-def held(x: float, y: float) -> Swing:
+def held(x: float, y: float) -> TiltProfile:
     """A wrist that is held where gravity has the components x, y."""
     zero = Vec(jnp.asarray(0.0), jnp.asarray(0.0))
-    return Swing(zero, zero, Vec(jnp.asarray(x), jnp.asarray(y)))
+    return TiltProfile(zero, zero, Vec(jnp.asarray(x), jnp.asarray(y)))
 
 
 def state(
@@ -233,12 +233,12 @@ def test_a_free_rod_keeps_its_spin_in_the_world_while_the_hand_turns() -> None:
     hand = HandDesign(4000.0, ((10.0,), (10.0,)), ((-0.5,), (-0.5,)))
     arm = PlanarArm()
     scenario = does(hand, Stick(500.0), arm)
-    swing = arm.swing(jnp.zeros(3), jnp.array([0.9, 0.8, 0.5]), True)
+    profile = arm.profile(jnp.zeros(3), jnp.array([0.9, 0.8, 0.5]), True)
     first = eqx.tree_at(lambda s: s.clock, state(0.0, 3000.0, 0.3, spin=0.2), jnp.asarray(0))
-    path = roll(scenario, swing, first, 700, 0.01)  # type: ignore[arg-type]
+    path = roll(scenario, profile, first, 700, 0.01)  # type: ignore[arg-type]
     for k in (0, 300, 499, 699):
-        _, before = arm.pose(swing, jnp.asarray(0.0))
-        _, turned = arm.pose(swing, jnp.asarray((k + 1) * 0.01))
+        _, before = arm.pose(profile, jnp.asarray(0.0))
+        _, turned = arm.pose(profile, jnp.asarray((k + 1) * 0.01))
         got = float(path.angle[k] + turned - before)
         assert got == pytest.approx(0.3 + 0.2 * (k + 1) * 0.01, abs=1e-9)
 

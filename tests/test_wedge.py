@@ -13,7 +13,7 @@ import pytest
 from pcjax.geometry import Vec
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.contact import ContactLaw
-from pcjax.model.drives.wrist import Swing, WristTilt
+from pcjax.model.drives.wrist import TiltProfile, WristTilt
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import Scenario, World, does
 from pcjax.physics.response import Angle, least_push
@@ -69,7 +69,7 @@ def test_both_engines_give_what_successive_impacts_give(restitution: float, way:
     for degrees in ANGLES:
         world, scenario = corner(degrees, restitution)
         drive = scenario.drive
-        swing = drive.swing(jnp.zeros(2), jnp.zeros(2), first=True)
+        profile = drive.profile(jnp.zeros(2), jnp.zeros(2), first=True)
         velocity = Vec(*map(jnp.asarray, WAYS[way]))
         touch = 500.0 - RADIUS / math.tan(math.radians(degrees) / 2)
         expected = after(degrees, restitution, WAYS[way])
@@ -78,7 +78,7 @@ def test_both_engines_give_what_successive_impacts_give(restitution: float, way:
         flight = Flight(
             Vec(jnp.asarray(touch), jnp.asarray(RADIUS)), velocity, zero * 1.0, zero, zero
         )
-        flight = event(world, swing, jnp.asarray(1.0), flight)
+        flight = event(world, profile, jnp.asarray(1.0), flight)
         assert int(flight.status) == RUNNING
         got = np.array([flight.velocity.x, flight.velocity.y])
         np.testing.assert_allclose(got, expected, atol=2e-3 * SPEED, err_msg=f"event, {degrees}")
@@ -89,14 +89,14 @@ def test_both_engines_give_what_successive_impacts_give(restitution: float, way:
         dt = 1e-7
         back = velocity * (-0.5 * dt)
         state = replace(at_rest(Vec(touch + back.x, RADIUS + back.y)), velocity=velocity)
-        state = steps(scenario, swing, state, dt)
+        state = steps(scenario, profile, state, dt)
         got = np.array([state.velocity.x, state.velocity.y])
         np.testing.assert_allclose(got, expected, atol=2e-3 * SPEED, err_msg=f"step, {degrees}")
 
 
 @jax.jit
-def steps(scenario: Scenario, swing: Swing, state: State, dt: float) -> State:
-    return jax.lax.fori_loop(0, 400, lambda _, s: step(scenario, swing, s, dt), state)
+def steps(scenario: Scenario, profile: TiltProfile, state: State, dt: float) -> State:
+    return jax.lax.fori_loop(0, 400, lambda _, s: step(scenario, profile, s, dt), state)
 
 
 def test_a_limb_that_is_slid_on_gives_its_restitution() -> None:

@@ -62,8 +62,8 @@ def add_condition(parser: argparse.ArgumentParser) -> None:
         help="of lengths; in mm, cm and m gravity is the earth's unless given, and the palm has to "
         "be given (default: model, the paper's, in which gravity is 9.8)",
     )
-    for _, flag, registry, told in _KINDS.values():
-        add(f"--{flag}", choices=registry.kinds(), default=None, help=told)
+    for _, flag, registry, help_text in _KINDS.values():
+        add(f"--{flag}", choices=registry.kinds(), default=None, help=help_text)
     flags: dict[str, list[tuple[str, Quantity]]] = {}
     for _, kind, what in _declared():
         flags.setdefault(what.flag, []).append((kind, what))
@@ -92,13 +92,13 @@ def _help(owners: list[tuple[str, Quantity]]) -> str:
             usual = " ".join(f"{v:g}" for v in (value if isinstance(value, list) else [value]))
         defaults.setdefault(usual, []).append(kind)
 
-    def told(each: dict[str, list[str]]) -> str:
+    def in_words(each: dict[str, list[str]]) -> str:
         if len(each) == 1:
             return next(iter(each))
         return ", ".join(f"{text} ({', '.join(kinds)})" for text, kinds in each.items())
 
     unit = owners[0][1].unit_in_words
-    return f"{told(texts)}{', ' if unit else ''}{unit} (default: {told(defaults)})"
+    return f"{in_words(texts)}{', ' if unit else ''}{unit} (default: {in_words(defaults)})"
 
 
 def condition(arguments: argparse.Namespace) -> Study:
@@ -128,9 +128,9 @@ def condition(arguments: argparse.Namespace) -> Study:
     except ValueError as error:
         raise ValueError(by_flag(str(error))) from None
     for doubt in doubts:
-        told = by_flag(doubt)
-        where = "" if arguments.study is None or told != doubt else f"{arguments.study}: "
-        warnings.warn(f"{where}{told}", InputWarning, stacklevel=2)
+        message = by_flag(doubt)
+        where = "" if arguments.study is None or message != doubt else f"{arguments.study}: "
+        warnings.warn(f"{where}{message}", InputWarning, stacklevel=2)
     return as_flags_say(study, arguments)
 
 

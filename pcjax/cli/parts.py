@@ -58,12 +58,12 @@ def add_run(parser: argparse.ArgumentParser, trials: int = paper.TRIALS) -> None
 
 def _add_engine(parser: argparse.ArgumentParser) -> None:
     """The engine, and the flags of those that have some."""
-    told = "; ".join(f"{kind}: {engine.summary}" for kind, engine in ENGINES.items())
+    kinds = "; ".join(f"{kind}: {engine.summary}" for kind, engine in ENGINES.items())
     parser.add_argument(
         "--engine",
         choices=engine_names(),
         default=None,
-        help=f"how trials are run. {told} (default: auto, the fastest of them that is accurate)",
+        help=f"how trials are run. {kinds} (default: auto, the fastest of them that is accurate)",
     )
     for flag, owners in _flags_of_engines().items():
         what = next(iter(owners.values()))

@@ -239,7 +239,7 @@ def optimize(
     # Shorter memory than usual: a few dozen iterations leave no time to swing back, nor to forget a
     # steep beginning.
     rule = optax.adam(_rate(settings), b1=0.6, b2=0.8)
-    told = _fingerprint(surrogate, space, settings, estimator)
+    fingerprint = _fingerprint(surrogate, space, settings, estimator)
     numbers, count = _numbers(rule.init(jnp.zeros(len(space.free)))), len(starts)
     state = Progress(
         [[] for _ in starts],
@@ -250,7 +250,7 @@ def optimize(
     interrupted = False
     with nullcontext() if path is None else locked(path):
         if path is not None and os.path.lexists(path):
-            state = _load(path, told, state)
+            state = _load(path, fingerprint, state)
         bar = progress_bar(
             total=settings.iterations,
             initial=state.iteration,
@@ -263,7 +263,7 @@ def optimize(
                 while state.iteration < settings.iterations and not all(state.stopped):
                     state = _iterate(state, surrogate, space, settings, estimator, rule)
                     if path is not None:
-                        _keep(path, told, state)
+                        _keep(path, fingerprint, state)
                     bar.update()
                     last = [steps[-1] for steps in state.history]
                     bar.set_postfix_str(f"score {math.exp(max(s.value for s in last)):.4g}")
@@ -487,17 +487,17 @@ def _fingerprint(
     return "\n".join(repr(part) for part in (surrogate, space, settings, estimator))
 
 
-def _keep(path: Path, told: str, state: Progress) -> None:
+def _keep(path: Path, fingerprint: str, state: Progress) -> None:
     kept = asdict(state)
-    kept = {"of": told, "state": kept, "sha256": _seal(kept, told)}
+    kept = {"of": fingerprint, "state": kept, "sha256": _seal(kept, fingerprint)}
     save_text(json.dumps(kept, indent=1) + "\n", path)
 
 
-def _seal(state: Any, told: str) -> str:
-    return digest(json.dumps(state).encode(), told)
+def _seal(state: Any, fingerprint: str) -> str:
+    return digest(json.dumps(state).encode(), fingerprint)
 
 
-def _load(path: Path, told: str, blank: Progress) -> Progress:
+def _load(path: Path, fingerprint: str, blank: Progress) -> Progress:
     """The state that a file keeps.
 
     Raises:
@@ -515,10 +515,10 @@ def _load(path: Path, told: str, blank: Progress) -> Progress:
             raise damaged
         history = [[Step(**step) for step in steps] for steps in state.pop("history")]
         found = Progress(history, **state)
-        fits = of != told or _can_be(found, blank)
+        fits = of != fingerprint or _can_be(found, blank)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise damaged from None
-    if of != told:
+    if of != fingerprint:
         raise ValueError(
             f"{path} was kept by an optimisation with other settings: name another file, or "
             "remove it to begin anew"

@@ -11,7 +11,7 @@ import equinox as eqx
 from pcjax.geometry import Scalar, Vec
 
 
-class Carry(eqx.Module):
+class Twist(eqx.Module):
     """How a moving hand moves: its origin's velocity, written in its own axes, and its spin."""
 
     velocity: Vec
@@ -29,23 +29,23 @@ class Motion(eqx.Module):
         position: in the hand frame.
         velocity: as seen from the ground, in the hand's axes at the end of the step.
         acceleration: as seen from the hand.
-        carry: how the hand moves; None for a hand that stays put.
+        twist: how the hand moves; None for a hand that stays put.
     """
 
     position: Vec
     velocity: Vec
     acceleration: Vec
-    carry: Carry | None = None
+    twist: Twist | None = None
 
     def relative(self) -> Vec:
         """The velocity as seen from the hand."""
-        return self.velocity if self.carry is None else self.velocity - self.carry.at(self.position)
+        return self.velocity if self.twist is None else self.velocity - self.twist.at(self.position)
 
     def turned(self, kick: Vec, since: Scalar) -> Vec:
         """A change of velocity made `since` seconds ago, in the hand's axes of now.
 
         The hand has turned on meanwhile, by an angle so small that its first order does.
         """
-        if self.carry is None:
+        if self.twist is None:
             return kick
-        return kick + Vec(kick.y, -kick.x) * (self.carry.spin * since)
+        return kick + Vec(kick.y, -kick.x) * (self.twist.spin * since)

@@ -35,8 +35,8 @@ class Claim:
     evidence: str
 
     def __str__(self) -> str:
-        told = wrapped(f"{self.number}. {self.verdict.upper()}: {self.text}", indent=5)
-        return f"{told}\n{wrapped(' ' * 5 + self.evidence, indent=5)}"
+        verdict = wrapped(f"{self.number}. {self.verdict.upper()}: {self.text}", indent=5)
+        return f"{verdict}\n{wrapped(' ' * 5 + self.evidence, indent=5)}"
 
 
 def judge_claims(figures: Mapping[str, xr.Dataset]) -> list[Claim]:
@@ -130,7 +130,7 @@ def _follows_gap(data: xr.Dataset) -> Claim:
 
 def _peaks(data: xr.Dataset) -> Claim:
     parts, found = [], []
-    for gap_width, told in zip(paper.GAP_WIDTHS[1:], (40.0, 50.0), strict=True):
+    for gap_width, stated in zip(paper.GAP_WIDTHS[1:], (40.0, 50.0), strict=True):
         line = curve(data, "does", where={"gap_width": gap_width})
         draws = _resample(line.value, line.covariance)
         places = line.angle[np.argmax(draws, axis=1)]
@@ -140,11 +140,11 @@ def _peaks(data: xr.Dataset) -> Claim:
         before, se_before = line.difference(peak, line.angle[0])
         rises = before > _Z * se_before
         falls = se > 0 and after < -_Z * se
-        there = low <= told <= high
+        there = low <= stated <= high
         found.append((rises, falls, there))
         parts.append(
             f"W_g = {gap_width} L_p: highest at {peak:g} deg [{low:g}, {high:g}] (the paper "
-            f"{told:g}), from there to {line.angle[-1]:g} deg {_thousands(after, se)}"
+            f"{stated:g}), from there to {line.angle[-1]:g} deg {_thousands(after, se)}"
         )
     if all(all(each) for each in found):
         verdict = REPRODUCED
@@ -284,13 +284,13 @@ def _grows_with_joint_angle(data: xr.Dataset, number: int) -> Claim:
     falls = _falls(line)
     grows = growth > _Z * se
     verdict = REPRODUCED if grows and not falls else IN_PART if grows else NOT
-    told = "; ".join(f"falls from {a:g} to {b:g} deg (z = {z:.1f})" for a, b, z in falls)
+    steepest = "; ".join(f"falls from {a:g} to {b:g} deg (z = {z:.1f})" for a, b, z in falls)
     return Claim(
         number,
         f"Fig. {number + 4}: index 1 grows with theta_i{varied}",
         verdict,
         f"from {line.angle[0]:g} to {line.angle[-1]:g} deg {_thousands(growth, se)}; "
-        + (told or "no falls between neighbouring angles"),
+        + (steepest or "no falls between neighbouring angles"),
     )
 
 
@@ -318,7 +318,7 @@ def _follows_width(data: xr.Dataset) -> Claim:
     )
     falls = all(value < -_Z * se for value, se in drops)
     verdict = REPRODUCED if falls and not rises else IN_PART if falls else NOT
-    told = "; ".join(
+    pairs = "; ".join(
         f"theta_i{k} varied: {_thousands(*drop)} from a width of {line.angle[0]:.0f} to "
         f"{line.angle[-1]:.0f}"
         for k, (drop, line) in enumerate(zip(drops, lines, strict=True), start=1)
@@ -328,7 +328,7 @@ def _follows_width(data: xr.Dataset) -> Claim:
         11,
         "Fig. 15: index 1 depends on the width between the fingertips",
         verdict,
-        f"{told}; {rises} rises; at equal width the second series has {apart} times the index of "
+        f"{pairs}; {rises} rises; at equal width the second series has {apart} times the index of "
         "the first",
     )
 

@@ -108,8 +108,8 @@ def check_figure(data: xr.Dataset) -> None:
     Raises:
         ValueError: an unknown figure, or other conditions than that figure's.
     """
-    for told in ("figure", "title"):
-        check_attribute(data, told, Attribute("text"))
+    for attribute in ("figure", "title"):
+        check_attribute(data, attribute, Attribute("text"))
     name = data.attrs["figure"]
     if name in paper.FIGURES:
         figure = paper.FIGURES[name]

@@ -83,7 +83,7 @@ def judge(world: World, state: State, moved: Motion, safe: Flag) -> State:
     passed = (before < world.nearness()) & (after >= 0) & world.goal.between(across)
     running = state.status == RUNNING
     velocity = moved.velocity
-    if moved.carry is not None:
+    if moved.twist is not None:
         velocity = where(passed, moved.relative(), velocity)
     verdict = jnp.where(safe, jnp.where(passed, PASSED, RUNNING), INVALID)
     return replace(

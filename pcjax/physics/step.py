@@ -6,7 +6,7 @@ from typing import Any
 
 from jaxtyping import Array, Float
 
-from pcjax.geometry import Scalar, runtime_one
+from pcjax.geometry import Scalar, runtime_barrier
 from pcjax.model.scenario import Scenario, World
 from pcjax.physics.contact.table import contact_of
 from pcjax.physics.state import PAPER_DT, State, at_rest
@@ -18,12 +18,12 @@ def begin(scenario: Scenario, draws: Float[Array, "3"]) -> State:
     return at_rest(scenario.start(draws), body.orientation if body.turns else 0.0)
 
 
-def step(scenario: Scenario, swing: Any, state: State, dt: Scalar = PAPER_DT) -> State:
+def step(scenario: Scenario, profile: Any, state: State, dt: Scalar = PAPER_DT) -> State:
     """The state one step of `dt` seconds later. A trial that has ended stays as it is.
 
     Arguments:
         scenario: the condition.
-        swing: the drive's motion in the current period, from `scenario.drive.swing`.
+        profile: the drive's motion in the current period, from `scenario.drive.profile`.
         state: the state before.
         dt: the step, s.
 
@@ -33,15 +33,18 @@ def step(scenario: Scenario, swing: Any, state: State, dt: Scalar = PAPER_DT) ->
         >>> import jax.numpy as jnp, pcjax
         >>> from pcjax.physics.step import begin
         >>> scenario = pcjax.does(pcjax.box_hand(), pcjax.Circle(25.0))
-        >>> swing = scenario.drive.swing(jnp.array([1.0, 0.5]), jnp.array([1.0, 0.5]), first=False)
+        >>> draws = jnp.array([1.0, 0.5])
+        >>> profile = scenario.drive.profile(draws, draws, first=False)
         >>> state = begin(scenario, jnp.array([0.2, 0.5, 0.5]))
-        >>> print(f"{pcjax.step(scenario, swing, state, 0.01).velocity.x:.4f}")
+        >>> print(f"{pcjax.step(scenario, profile, state, 0.01).velocity.x:.4f}")
         0.0490
     """
-    return advance(scenario.world(), swing, state, dt)
+    return advance(scenario.world(), profile, state, dt)
 
 
-def advance(world: World, swing: Any, state: State, dt: Scalar) -> State:
+def advance(world: World, profile: Any, state: State, dt: Scalar) -> State:
     """`step` for a scenario whose kinematics have been worked out by `Scenario.world`."""
-    free = world.drive.fly(swing, state.position, state.velocity, state.clock * dt, dt)
-    return contact_of(world.body)(world.body, world, state, free, dt, runtime_one(state.clock, dt))
+    free = world.drive.fly(profile, state.position, state.velocity, state.clock * dt, dt)
+    return contact_of(world.body)(
+        world.body, world, state, free, dt, runtime_barrier(state.clock, dt)
+    )

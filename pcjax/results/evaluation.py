@@ -305,10 +305,10 @@ class Evaluation:
 
     def __repr__(self) -> str:
         attrs = self.dataset.attrs
-        told = [(NAMES[d], self.indices(d), ",.0f") for d in self.directions]
-        told += [("score", self.score(), ".4f")] if len(self.directions) == 2 else []
+        shown = [(NAMES[d], self.indices(d), ",.0f") for d in self.directions]
+        shown += [("score", self.score(), ".4f")] if len(self.directions) == 2 else []
         rows = []
-        for name, (one, two), form in ((name, each.values(), form) for name, each, form in told):
+        for name, (one, two), form in ((name, each.values(), form) for name, each, form in shown):
             rows.append(
                 [
                     name,

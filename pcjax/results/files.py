@@ -31,8 +31,8 @@ def read_plain(path: Path) -> bytes:
 
 def digest(content: bytes, of: str = "") -> str:
     """The SHA-256 of a content and of the text that says what it is, in hexadecimal."""
-    told = of.encode()
-    return hashlib.sha256(b"%d\n%b%b" % (len(told), told, content)).hexdigest()
+    owner = of.encode()
+    return hashlib.sha256(b"%d\n%b%b" % (len(owner), owner, content)).hexdigest()
 
 
 def sealed(content: bytes, of: str = "") -> bytes:

@@ -12,7 +12,7 @@ import xarray as xr
 
 from pcjax.results.checking import check_variables
 from pcjax.results.files import read_plain
-from pcjax.results.netcdf import told
+from pcjax.results.netcdf import message_of
 from pcjax.results.schema import dataset_of, place_of
 
 _COLUMNS = ("score", "se", "gap", "full_cage", "possible")
@@ -58,5 +58,5 @@ def load_map_csv(path: Path) -> xr.Dataset:
         if data.attrs["hands"] == 0:
             raise ValueError("no hand has a score")
     except Exception as error:  # of every kind, where pandas meets what is no table
-        raise ValueError(f"{path} is no map that can be read: {told(error)}") from None
+        raise ValueError(f"{path} is no map that can be read: {message_of(error)}") from None
     return data

@@ -67,7 +67,7 @@ def try_netcdf(path: Path) -> None:
         raise ValueError(done.stdout or "HDF5 has crashed")
 
 
-def told(error: Exception) -> str:
+def message_of(error: Exception) -> str:
     """An error as a line; those that are not ours with their kind."""
     text = str(error) if type(error) is ValueError else f"{type(error).__name__}: {error}"
     return " ".join(text.split())
@@ -77,5 +77,5 @@ if __name__ == "__main__":
     try:
         read_netcdf(Path(sys.argv[1]))
     except Exception as error:
-        sys.stdout.buffer.write(told(error).encode(errors="backslashreplace"))
+        sys.stdout.buffer.write(message_of(error).encode(errors="backslashreplace"))
         sys.exit(1)

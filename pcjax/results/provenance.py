@@ -29,12 +29,12 @@ def conditions(scenarios: Mapping[str, Scenario] | Sequence[Scenario]) -> dict[s
     named = isinstance(scenarios, Mapping)
     some: Sequence[Scenario] = list(scenarios.values()) if named else scenarios
     numbers = [parameters(scenario) for scenario in some]
-    told: Any = dict(zip(scenarios, numbers, strict=True)) if named else numbers
+    named_numbers: Any = dict(zip(scenarios, numbers, strict=True)) if named else numbers
     kinds = {
         part: ", ".join(dict.fromkeys(type(getattr(s, part)).__name__ for s in some))
         for part in ("hand", "body", "drive", "law")
     }
-    return kinds | {"parameters": json.dumps(told)}
+    return kinds | {"parameters": json.dumps(named_numbers)}
 
 
 def provenance(run: Mapping[str, Any], *, dated: bool = True) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import xarray as xr
 
 from pcjax.results.checking import check_dataset
 from pcjax.results.files import read_plain, unsealed
-from pcjax.results.netcdf import read_netcdf, told, try_netcdf
+from pcjax.results.netcdf import message_of, read_netcdf, try_netcdf
 from pcjax.results.upgrade import upgraded
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -40,7 +40,7 @@ def load_dataset(path: str | os.PathLike[str]) -> xr.Dataset:
         data = upgraded(data)
         check_dataset(data)
     except Exception as error:  # of every kind, where HDF5 and its wrappers meet damage
-        raise ValueError(f"{path} is no result that can be read: {told(error)}") from None
+        raise ValueError(f"{path} is no result that can be read: {message_of(error)}") from None
     return data
 
 

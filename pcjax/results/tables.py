@@ -156,8 +156,8 @@ def conditions_table(data: xr.Dataset, most: int | None = LONGEST) -> str:
         names = [_label_text(one[name].item()) for name in labels]
         problem = str(one.problem.values) if "problem" in one else ""
         if problem:
-            told = ", ".join(f"{n} {value}" for n, value in zip(labels, names, strict=True))
-            problems.setdefault(problem, []).append(told)
+            label = ", ".join(f"{n} {value}" for n, value in zip(labels, names, strict=True))
+            problems.setdefault(problem, []).append(label)
             rows.append([*names, *["-"] * (len(heads) - len(names))])
             continue
         estimates = [(one.index1.sel(direction=d) if d else one.index1, ",.0f") for d in ways]

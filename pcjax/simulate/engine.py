@@ -50,8 +50,8 @@ class Engine(Component):
     def provenance(self) -> str:
         """Its name and parameters, as results keep them; they keep the step taken apart."""
         given = {key: value for key, value in self.as_table().items() if key != "dt"}
-        told = ", ".join(f"{key} = {value:g}" for key, value in given.items())
-        return f"{self.name} ({told})" if told else self.name
+        listed = ", ".join(f"{key} = {value:g}" for key, value in given.items())
+        return f"{self.name} ({listed})" if listed else self.name
 
     @property
     def relaxed(self) -> bool:

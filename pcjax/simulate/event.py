@@ -33,7 +33,7 @@ from pcjax.geometry import (
     Vec,
     fence,
     first_root,
-    runtime_one,
+    runtime_barrier,
     safe_sqrt,
     unit_and_length,
     where,
@@ -125,7 +125,7 @@ class LeapingProgram(eqx.Module):
     burst: int = eqx.field(static=True)
     rounds: int = eqx.field(static=True)
 
-    def run(self, worlds: World, swings: Any, lanes: Lanes) -> Lanes:
+    def run(self, worlds: World, profiles: Any, lanes: Lanes) -> Lanes:
         """Takes each trial `burst` leaps further, at most to the end of its period."""
         drives = worlds.drive
         intervals = jax.vmap(
@@ -141,7 +141,7 @@ class LeapingProgram(eqx.Module):
 
         def one(carry: tuple[Flight, Excursion], _: None) -> tuple[tuple[Flight, Excursion], None]:
             flights, excursions = carry
-            moved = each(worlds, swings, intervals, flights)
+            moved = each(worlds, profiles, intervals, flights)
             if layers is not None:
                 time = moved.time - flights.time
                 excursions = jax.vmap(Layer.follow_leap)(
@@ -211,22 +211,22 @@ class Support(eqx.Module):
     until_end: Scalar
 
 
-def leap(world: World, swing: Any, interval: Scalar, flight: Flight) -> Flight:
+def leap(world: World, profile: Any, interval: Scalar, flight: Flight) -> Flight:
     """The state after the longest leap in which provably nothing happens.
 
     Arguments:
         world: the condition.
-        swing: the drive's motion in the current period, from `Drive.swing`.
+        profile: the drive's motion in the current period, from `Drive.profile`.
         interval: seconds for which gravity is taken as constant, from `Drive.steady_interval`.
         flight: the state before. It stays as it is if its trial or its period is over.
     """
     radius, drive = world.body.radius, world.drive
-    one = runtime_one(flight.leaps, radius)
-    pull, change = drive.steady(swing, flight.time, interval)
-    contacts = two_nearest(world.limbs, flight.position, one)
-    support = settle(world, contacts, flight, pull, one)
+    barrier = runtime_barrier(flight.leaps, radius)
+    pull, change = drive.steady(profile, flight.time, interval)
+    contacts = two_nearest(world.limbs, flight.position, barrier)
+    support = settle(world, contacts, flight, pull, barrier)
     left = change - flight.time
-    wait = fence(_wait(world, support, jnp.minimum(left, support.until_end)), one)
+    wait = fence(_wait(world, support, jnp.minimum(left, support.until_end)), barrier)
     goal = world.goal
     inside = goal.beyond(flight.position) < world.nearness()
     # Being put back to touching may have taken it across.
@@ -249,7 +249,7 @@ def leap(world: World, swing: Any, interval: Scalar, flight: Flight) -> Flight:
 
 
 def settle(
-    world: World, contacts: tuple[Contact, Contact], flight: Flight, pull: Vec, one: Scalar
+    world: World, contacts: tuple[Contact, Contact], flight: Flight, pull: Vec, barrier: Scalar
 ) -> Support:
     """Impacts (7) with the two nearest limbs, where they touch, and the forces they exert then."""
     law, radius, near = world.law, world.body.radius, world.nearness()
@@ -257,12 +257,12 @@ def settle(
     for contact in contacts:
         normal, distance = unit_and_length(contact.offset)
         normals.append(normal)
-        depths.append(fence(radius - distance, one))
+        depths.append(fence(radius - distance, barrier))
     angle = Angle.between(*normals)
     position = _pushed(flight.position, normals, least_push(angle, *depths))
 
     leaving = [
-        fence(jnp.where(depth >= -near, flight.velocity.dot(normal), -_NO_NEED), one)
+        fence(jnp.where(depth >= -near, flight.velocity.dot(normal), -_NO_NEED), barrier)
         for normal, depth in zip(normals, depths, strict=True)
     ]
     rest = law.resting_speed
@@ -279,14 +279,14 @@ def settle(
     ends = [_standing_out(contacts[k], contacts[1 - k], normals[1 - k]) <= near for k in (0, 1)]
     # Decided once: where the compiler works out a flag anew for each of its uses, rounding may
     # turn it out differently, and a limb that exerts no force be taken for one that is slid on.
-    stays = [_decided(stays[k] & ~(ends[k] & stays[1 - k]), one) for k in (0, 1)]
+    stays = [_decided(stays[k] & ~(ends[k] & stays[1 - k]), barrier) for k in (0, 1)]
     needs = []
     for contact, normal, stay in zip(contacts, normals, stays, strict=True):
         along = velocity.cross(normal)
         bend = jnp.where(contact.round, along * along / radius, 0.0)
-        needs.append(fence(jnp.where(stay, -pull.dot(normal) - bend, _NO_NEED), one))
+        needs.append(fence(jnp.where(stay, -pull.dot(normal) - bend, _NO_NEED), barrier))
     forces = least_push(angle, *needs)
-    forces = fence(forces[0], one), fence(forces[1], one)
+    forces = fence(forces[0], barrier), fence(forces[1], barrier)
     acceleration = _pushed(pull, normals, forces)
 
     pinned = (forces[0] > 0) & (forces[1] > 0)
@@ -326,9 +326,9 @@ def settle(
     )
 
 
-def _decided(flag: Flag, one: Scalar) -> Flag:
+def _decided(flag: Flag, barrier: Scalar) -> Flag:
     """The flag, computed once."""
-    return fence(jnp.where(flag, one, 0.0 * one), one) > 0.5
+    return fence(jnp.where(flag, barrier, 0.0 * barrier), barrier) > 0.5
 
 
 def _standing_out(end: Contact, side: Contact, normal: Vec) -> Scalar:

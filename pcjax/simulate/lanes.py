@@ -95,12 +95,12 @@ class Program(Protocol):
         """How often in one call lanes whose period is over begin the next."""
         ...
 
-    def run(self, worlds: World, swings: Any, lanes: Lanes) -> Lanes:
+    def run(self, worlds: World, profiles: Any, lanes: Lanes) -> Lanes:
         """Takes lanes some way through their periods, at most to the end of them.
 
         Arguments:
-            worlds, swings: batches; every leaf has the lanes as its first axis, but for those that
-                all lanes share, which have none.
+            worlds, profiles: batches; every leaf has the lanes as its first axis, but for those
+                that all lanes share, which have none.
             lanes: those with another status than RUNNING or whose period is over stay as they are.
         """
         ...

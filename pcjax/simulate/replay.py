@@ -180,7 +180,7 @@ def _carriage(drive: Drive, seed: Any, trial: Any, periods: Array, times: Array)
             period_draws(key, jnp.maximum(k, 0), drive.targets_per_period)
             for k in (period - 1, period)
         )
-        there = drive.carriage(drive.swing(before, draws, period == 0), time)
+        there = drive.placement(drive.profile(before, draws, period == 0), time)
 
         def pair(vector: Vec) -> Array:
             return jnp.stack([vector.x, vector.y])

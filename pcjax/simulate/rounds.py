@@ -61,13 +61,13 @@ def advance_block(
         draws = period_draws(key, period, drive.targets_per_period)
         if start is not None:
             before = jnp.where(period == 0, start.draws, before)
-        return lane, drive.swing(before, draws, (period == 0) & (start is None))
+        return lane, drive.profile(before, draws, (period == 0) & (start is None))
 
     def round(_: Any, lanes: Lanes) -> Lanes:
         each = lane_axes(lanes)
         begun = jax.vmap(next_period, in_axes=(axes, each, 0), out_axes=(each, 0))
-        lanes, swings = begun(scenarios, lanes, starts)
-        return program.run(worlds, swings, lanes)
+        lanes, profiles = begun(scenarios, lanes, starts)
+        return program.run(worlds, profiles, lanes)
 
     if program.rounds == 1:
         return round(0, lanes)

@@ -147,13 +147,13 @@ class SteppingProgram(eqx.Module):
         """One call is one period."""
         return 1
 
-    def run(self, worlds: World, swings: Any, lanes: Lanes) -> Lanes:
+    def run(self, worlds: World, profiles: Any, lanes: Lanes) -> Lanes:
         """Takes a batch of trials, each at its start, through one period of their drives."""
         dt = jnp.asarray(self.dt, jnp.result_type(worlds.body.radius))
         states = lanes.state
         axes = lane_axes(states)
         step_all = jax.vmap(
-            lambda world, swing, state: advance(world, swing, state, dt),
+            lambda world, profile, state: advance(world, profile, state, dt),
             in_axes=(lane_axes(worlds), 0, axes),
             out_axes=axes,
         )
@@ -165,7 +165,7 @@ class SteppingProgram(eqx.Module):
 
         def one(carry: tuple[State, Excursion], _: None) -> tuple[tuple[State, Excursion], None]:
             states, excursions = carry
-            moved = step_all(worlds, swings, states)
+            moved = step_all(worlds, profiles, states)
             if layers is not None:
                 time = jnp.where(states.status == RUNNING, dt, 0.0)
                 excursions = jax.vmap(Layer.follow)(layers, excursions, moved.position, time)
@@ -244,10 +244,10 @@ def trajectory(
     def period(carry: tuple[State, Array], k: Array) -> tuple[tuple[State, Array], State]:
         state, before = carry
         draws = period_draws(key, k, drive.targets_per_period)
-        swing = drive.swing(before, draws, k == 0)
+        profile = drive.profile(before, draws, k == 0)
 
         def one(state: State, _: None) -> tuple[State, State]:
-            state = advance(world, swing, state, step_taken)
+            state = advance(world, profile, state, step_taken)
             return state, state
 
         state, states = jax.lax.scan(

@@ -196,7 +196,7 @@ def evaluate_grid(
     )
     covariance = np.atleast_2d(np.cov(samples)) / valid.sum()
     c, widths = len(scenarios), [float(s.body.width) for s in scenarios]
-    # Invalid in one condition is left out of all, and told to each as lost.
+    # Invalid in one condition is left out of all, and counts as lost in each.
     status = np.where(valid, outcomes.status, INVALID)
     estimates = [
         indices_of(outcomes.steps[k], status[k], max_steps, caged=bool(full_cage(gap, width)))

@@ -69,9 +69,9 @@ class Inspection:
         limbs = " and ".join(str(len(lengths)) for lengths in study.hand.lengths)
         body = study.body
         pull = getattr(study.drive, "gravity", None)
-        told = "" if pull is None else f", gravity {float(pull):g} of them / s^2"
+        gravity = "" if pull is None else f", gravity {float(pull):g} of them / s^2"
         lines = [
-            f"units    {study.units if study.units in PER_METRE else 'model units'}{told}",
+            f"units    {study.units if study.units in PER_METRE else 'model units'}{gravity}",
             f"hand     {limbs} limbs a finger, palm {float(study.hand.palm_length):.4g}, "
             f"{self.size[0]:.4g} wide and {self.size[1]:.4g} high",
             f"object   {body.noun} {float(body.radius):.4g}; a gap of {self.width:.4g} lets it "
@@ -162,8 +162,8 @@ def _view(study: Study, direction: str) -> View:
         engine = choose_engine(run.engine, run.dt, scenario)
     except ValueError as error:
         return View(str(error))
-    told = engines_text(engine.provenance, engine.step_taken(study.drive.period))
-    return View("", gap, (_starts(scenario, 0.0), _starts(scenario, 0.9)), told)
+    engine_text = engines_text(engine.provenance, engine.step_taken(study.drive.period))
+    return View("", gap, (_starts(scenario, 0.0), _starts(scenario, 0.9)), engine_text)
 
 
 def _starts(scenario: Scenario, end: float) -> Box:

@@ -142,12 +142,12 @@ class Sweep:
                 raise ValueError(f"[sweep] {name} has a value twice")
         lengths = {name: len(values) for name, values in self.values.items()}
         if self.zipped and len(set(lengths.values())) > 1:
-            told = ", ".join(f"{name} {n}" for name, n in lengths.items())
-            raise ValueError(f"[sweep] values that go together have to be as many each: {told}")
+            listed = ", ".join(f"{name} {n}" for name, n in lengths.items())
+            raise ValueError(f"[sweep] values that go together have to be as many each: {listed}")
         if self.count > MOST_CONDITIONS:
-            told = " x ".join(map(str, lengths.values()))
+            listed = " x ".join(map(str, lengths.values()))
             raise ValueError(
-                f"[sweep] is {told} = {self.count:,} conditions: the most is {MOST_CONDITIONS:,}"
+                f"[sweep] is {listed} = {self.count:,} conditions: the most is {MOST_CONDITIONS:,}"
             )
 
     @property

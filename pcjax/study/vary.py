@@ -72,12 +72,12 @@ def change(
         if elsewhere:
             where = ", ".join(elsewhere)
             raise ValueError(f"{name} is none of this study's numbers: {where} has it") from None
-        told = [*_USUAL_OF_HANDS, "palm_length", *known, "start_spread"]
-        hint = did_you_mean(name, told)
+        choices = [*_USUAL_OF_HANDS, "palm_length", *known, "start_spread"]
+        hint = did_you_mean(name, choices)
         if not hint and "there is no parameter" not in str(error):
             raise
         raise ValueError(
-            f"there is no {name} to be swept: {hint}there are {', '.join(told)}; "
+            f"there is no {name} to be swept: {hint}there are {', '.join(choices)}; "
             "_1 or _2 after fingertip_angle, fingertip_length: of one finger; joint_angle_IJ_deg, "
             "link_length_IJ: joint J of finger I"
         ) from None

@@ -66,19 +66,19 @@ def run_sweep(
         OSError: something cannot be written; what was done is kept.
     """
     out = Path(out)
-    told = study.to_toml() + json.dumps(
+    recipe = study.to_toml() + json.dumps(
         {"keep_trials": keep_trials, "pcjax": package_version(), "jax": jax.__version__}
     )
     if out.exists():  # for which no lock is needed, nor a folder that can be written
-        return _finished(out, told)
+        return _finished(out, recipe)
     plan = Plan(study) if plan is None else plan
     with locked(out):
         if out.exists():
-            return _finished(out, told)
+            return _finished(out, recipe)
         return _run_plan(
             plan,
             out,
-            told,
+            recipe,
             keep_trials=keep_trials,
             scheduler=scheduler,
             progress=progress,
@@ -89,7 +89,7 @@ def run_sweep(
 def _run_plan(
     plan: Plan,
     out: Path,
-    told: str,
+    recipe: str,
     *,
     keep_trials: bool,
     scheduler: str | None,
@@ -97,7 +97,7 @@ def _run_plan(
     tell: Callable[[str], object],
 ) -> xr.Dataset:
     """Does what is missing and writes the file."""
-    study, store = plan.study, Store(out, told)
+    study, store = plan.study, Store(out, recipe)
     samples = {key: Samples(study.run.trials) for key in plan.cells}
     with (
         progress_bar(
@@ -136,18 +136,18 @@ def _run_plan(
                 store.keep(part, outcomes)
                 take(samples, part, outcomes)
                 bar.update(part.count)
-    dataset = assemble(plan, samples, keep_trials=keep_trials).assign_attrs(sweep=told)
+    dataset = assemble(plan, samples, keep_trials=keep_trials).assign_attrs(sweep=recipe)
     save_dataset(dataset, out)
     store.remove()
     return load_dataset(out)
 
 
-def _finished(out: Path, told: str) -> xr.Dataset:
+def _finished(out: Path, recipe: str) -> xr.Dataset:
     try:
         found = load_dataset(out)
     except ValueError as error:
         raise ValueError(f"{error}; it is there already: name another file, or remove it") from None
-    if found.attrs.get("sweep") != told:
+    if found.attrs.get("sweep") != recipe:
         raise ValueError(
             f"{out} is there already, the result of something else (another study, other settings "
             "or another version): name another file, or remove it"

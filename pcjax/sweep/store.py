@@ -20,23 +20,23 @@ from pcjax.sweep.plan import Part
 class Store:
     """The folder beside a result file in which parts are kept until all are done."""
 
-    def __init__(self, out: Path, told: str):
+    def __init__(self, out: Path, recipe: str):
         """
         Arguments:
             out: the result file.
-            told: everything that the result depends on, as text.
+            recipe: everything that the result depends on, as text.
 
         Raises:
             ValueError: the folder belongs to another sweep.
             OSError: it cannot be made.
         """
-        self.told = told
+        self.recipe = recipe
         self.folder = out.with_name(out.name + ".parts")
         self.folder.mkdir(exist_ok=True)
         of = self.folder / "study.txt"
         if not of.exists():
-            save_text(told, of)
-        elif read_plain(of) != told.encode():
+            save_text(recipe, of)
+        elif read_plain(of) != recipe.encode():
             raise ValueError(
                 f"{self.folder} holds parts of another sweep (another study, other settings or "
                 "another version), or its study.txt is damaged: name another file, or remove the "
@@ -48,7 +48,7 @@ class Store:
 
     def _identity(self, part: Part) -> str:
         """What a part is sealed with: no other part's, of whatever sweep, is taken for it."""
-        return json.dumps([self.told, part.name, part.cells, part.first, part.trials])
+        return json.dumps([self.recipe, part.name, part.cells, part.first, part.trials])
 
     def read(self, part: Part) -> Outcomes | None:
         """A part's outcomes, if they are here.

@@ -197,10 +197,10 @@ def plot_map(dataset: xr.Dataset) -> Figure:
         style = {"mfc": COLOURS[1], "mec": "white", "ms": 15 if marker == "*" else 8, "zorder": 4}
         handles += axis.plot(x, y, marker, ls="none", label=label, clip_on=False, **style)
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=9, frameon=False)
-    told = [f"{attrs['hands']:,} hands"]
+    parts = [f"{attrs['hands']:,} hands"]
     if "trials" in attrs:
-        told += [f"{attrs['trials']:,} trials a direction", f"limit {attrs['max_steps']:,} steps"]
-    axis.set_title(", ".join(told), fontsize=10)
+        parts += [f"{attrs['trials']:,} trials a direction", f"limit {attrs['max_steps']:,} steps"]
+    axis.set_title(", ".join(parts), fontsize=10)
     return figure
 
 

@@ -44,8 +44,8 @@ def plot_ranking(ranking: Ranking) -> Figure:
         draw_hand(axis, ranking.evaluations[name], ranking.evaluations[name].directions[0])
         value = ranking.value(name)
         what = "score" if ranking.by == "score" else "DoEs"
-        told = f"{what} {value.value:{form}} [{value.low:{form}}, {value.high:{form}}]"
-        axis.set_title(f"{place}. {name}\n{told}", fontsize=10)
+        estimate = f"{what} {value.value:{form}} [{value.low:{form}}, {value.high:{form}}]"
+        axis.set_title(f"{place}. {name}\n{estimate}", fontsize=10)
     return figure
 
 

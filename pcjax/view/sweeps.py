@@ -51,8 +51,8 @@ def plot_sweep(
         for name, value in at.items():
             near = data[name].values[np.argmin(np.abs(data[name].values - value))]
             if abs(near - value) > 1e-9 * max(abs(value), 1.0):
-                told = ", ".join(f"{v:g}" for v in data[name].values)
-                raise ValueError(f"{name} {value:g} was not swept: there are {told}")
+                listed = ", ".join(f"{v:g}" for v in data[name].values)
+                raise ValueError(f"{name} {value:g} was not swept: there are {listed}")
             estimate = estimate.sel({name: near})
         rest = [n for n in swept if n not in (x, hue, *at)]
         several = [n for n in rest if estimate.sizes[n] > 1]
@@ -68,10 +68,10 @@ def plot_sweep(
                 (f"{hue} {value:g}", data[x].values, estimate.sel({hue: value}).values)
                 for value in data[hue].values
             ]
-    told = ", ".join(f"{name} {value:g}" for name, value in at.items())
+    listed = ", ".join(f"{name} {value:g}" for name, value in at.items())
     used = np.unique(data.trials_used.values[data.trials_used.values > 0])
     trials = f"{used[0]:,}" if len(used) == 1 else f"{used[0]:,} to {used[-1]:,}"
-    return _figure(lines, x, label, f"{told + '; ' if told else ''}{trials} trials", data)
+    return _figure(lines, x, label, f"{listed + '; ' if listed else ''}{trials} trials", data)
 
 
 def plot_grid(
@@ -104,8 +104,8 @@ def plot_grid(
     for name, value in at.items():
         here = values[name] == value
         if not here.any():
-            told = ", ".join(dict.fromkeys(map(_told, values[name].tolist())))
-            raise ValueError(f"no condition has {name} {_told(value)}: there are {told}")
+            listed = ", ".join(dict.fromkeys(map(_number_text, values[name].tolist())))
+            raise ValueError(f"no condition has {name} {_number_text(value)}: there are {listed}")
         chosen &= here
     rows = np.flatnonzero(chosen)
     varying = [name for name in labels if len(set(values[name][rows].tolist())) > 1]
@@ -125,18 +125,18 @@ def plot_grid(
             )
     lines = [
         (
-            ", ".join(f"{name} {_told(v)}" for name, v in zip(others, key, strict=True)),
+            ", ".join(f"{name} {_number_text(v)}" for name, v in zip(others, key, strict=True)),
             values[x][some],
             data[y].values[some],
         )
         for key, some in curves.items()
     ]
-    told = "".join(f"{name} {_told(value)}; " for name, value in at.items())
+    listed = "".join(f"{name} {_number_text(value)}; " for name, value in at.items())
     label = "index 1 [steps of 0.001 s]" if y == "index1" else "index 2"
-    return _figure(lines, x, label, f"{told}{data.attrs['trials']:,} trials", data)
+    return _figure(lines, x, label, f"{listed}{data.attrs['trials']:,} trials", data)
 
 
-def _told(value: float | str) -> str:
+def _number_text(value: float | str) -> str:
     return value if isinstance(value, str) else f"{value:g}"
 
 
@@ -157,7 +157,7 @@ def _figure(
     lines: Sequence[tuple[str, np.ndarray, np.ndarray]],
     x: str,
     label: str,
-    told: str,
+    title: str,
     data: xr.Dataset,
 ) -> Figure:
     """Curves with bands: each with its name, its places and its estimates (statistic last)."""
@@ -179,7 +179,7 @@ def _figure(
     if len(lines) > 1:
         axis.legend(fontsize=9)
     axis.grid(alpha=0.3)
-    axis.set_title(f"{told}, limit {data.attrs['max_steps']:,} steps; 95 % bands", fontsize=10)
+    axis.set_title(f"{title}, limit {data.attrs['max_steps']:,} steps; 95 % bands", fontsize=10)
     return figure
 
 

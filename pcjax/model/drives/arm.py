@@ -13,13 +13,13 @@ from jaxtyping import Array, Float
 from pcjax.checks import check_between
 from pcjax.components import quantity
 from pcjax.geometry import Flag, Scalar, Vec
-from pcjax.model.drives.base import Carriage, Drive, duration_field, gravity_field, register_drive
-from pcjax.model.motion import Carry, Motion
+from pcjax.model.drives.base import Drive, Placement, duration_field, gravity_field, register_drive
+from pcjax.model.motion import Motion, Twist
 
 Joints = tuple[Scalar, Scalar, Scalar]
 
 
-class Gesture(eqx.Module):
+class JointProfile(eqx.Module):
     """One period of an arm: its joint angles at the start, their targets, and gravity once there.
 
     Gravity is in the hand's axes.
@@ -65,8 +65,8 @@ class PlanarArm(Drive):
 
         >>> import jax.numpy as jnp, pcjax
         >>> arm = pcjax.PlanarArm()
-        >>> gesture = arm.swing(jnp.zeros(3), jnp.zeros(3), first=True)
-        >>> joints, _ = arm.pose(gesture, 0.0)
+        >>> profile = arm.profile(jnp.zeros(3), jnp.zeros(3), first=True)
+        >>> joints, _ = arm.pose(profile, 0.0)
         >>> [f"{joint.x:.1f} {joint.y:.1f}" for joint in joints[1:3]]
         ['-0.0 -200.0', '141.4 -341.4']
     """
@@ -116,7 +116,9 @@ class PlanarArm(Drive):
         """The paper's circle, whatever the palm."""
         return 50.0
 
-    def swing(self, before: Float[Array, "3"], draws: Float[Array, "3"], first: Flag) -> Gesture:
+    def profile(
+        self, before: Float[Array, "3"], draws: Float[Array, "3"], first: Flag
+    ) -> JointProfile:
         """The period that follows the draws `before` with `draws`, both uniform on [0, 1).
 
         In the `first` period of a trial the arm starts at `rest`, whatever `before` is.
@@ -126,17 +128,19 @@ class PlanarArm(Drive):
             for rest, reached in zip(self.rest, self._targets(before), strict=True)
         )
         target = self._targets(draws)
-        return Gesture((t1, t2, t3), target, self._gravity_at(target))
+        return JointProfile((t1, t2, t3), target, self._gravity_at(target))
 
-    def fly(self, swing: Gesture, position: Vec, velocity: Vec, time: Scalar, dt: Scalar) -> Motion:
+    def fly(
+        self, profile: JointProfile, position: Vec, velocity: Vec, time: Scalar, dt: Scalar
+    ) -> Motion:
         """Free motion (2) over the step from `time` to `time + dt` (s) of a period.
 
-        In the world a parabola, exactly; told from the hand as it is at the end of the step. The
+        In the world a parabola, exactly; seen from the hand as it is at the end of the step. The
         step lies either in the ramp or after it.
         """
 
         def moving() -> Motion:
-            joints, rates = self._along(swing, time + dt)
+            joints, rates = self._along(profile, time + dt)
             gravity = self._gravity_at(joints)
             toward, speeds = self._links(joints), _sums(rates)
             spin = speeds[2]
@@ -155,27 +159,27 @@ class PlanarArm(Drive):
             ahead = _turned_back(velocity, c, s)
             place = _turned_back(position, c, s) + (ahead + gravity * (0.5 * dt)) * dt - pushed
             ahead = ahead + gravity * dt
-            carry = Carry(carried, spin)
-            seen = ahead - carry.at(place)
+            twist = Twist(carried, spin)
+            seen = ahead - twist.at(place)
             felt = gravity + flung + place * (spin * spin) + Vec(seen.y, -seen.x) * (2.0 * spin)
-            return Motion(place, ahead, felt, carry)
+            return Motion(place, ahead, felt, twist)
 
         def held() -> Motion:
-            zero = 0.0 * swing.held.x
+            zero = 0.0 * profile.held.x
             return Motion(
-                position + (velocity + swing.held * (0.5 * dt)) * dt,
-                velocity + swing.held * dt,
-                swing.held,
-                Carry(Vec(zero, zero), zero),
+                position + (velocity + profile.held * (0.5 * dt)) * dt,
+                velocity + profile.held * dt,
+                profile.held,
+                Twist(Vec(zero, zero), zero),
             )
 
         # Shared by all lanes, as for the wrist; half a step in, so that rounding does not decide.
         return jax.lax.cond(time + 0.5 * dt < self.ramp_time, moving, held)
 
-    def pose(self, swing: Gesture, time: Scalar) -> tuple[tuple[Vec, ...], Scalar]:
+    def pose(self, profile: JointProfile, time: Scalar) -> tuple[tuple[Vec, ...], Scalar]:
         """The arm in the world at a time of a period: its joints from the base to the palm's
         middle, and the angle by which the hand's axes are turned against the world's."""
-        joints, _ = self._along(swing, time)
+        joints, _ = self._along(profile, time)
         heading = self.mount_angle
         points = [Vec(0.0 * heading, 0.0 * heading)]
         for length, joint in zip(self.lengths, joints, strict=True):
@@ -183,11 +187,11 @@ class PlanarArm(Drive):
             points.append(points[-1] + Vec(jnp.cos(heading), jnp.sin(heading)) * length)
         return tuple(points), heading - math.pi / 2
 
-    def carriage(self, swing: Gesture, time: Scalar) -> Carriage:
+    def placement(self, profile: JointProfile, time: Scalar) -> Placement:
         """The arm in the world."""
-        joints, turn = self.pose(swing, time)
+        joints, turn = self.pose(profile, time)
         down = self.gravity_direction
-        return Carriage(joints, turn, Vec(jnp.cos(down), jnp.sin(down)) * self.gravity)
+        return Placement(joints, turn, Vec(jnp.cos(down), jnp.sin(down)) * self.gravity)
 
     def top_speed(self, reach: float) -> float:
         """About the highest speed of an object in a hand of length `reach`, for plain numbers."""
@@ -202,11 +206,11 @@ class PlanarArm(Drive):
         t1, t2, t3 = (self.low[k] + (self.high[k] - self.low[k]) * draws[k] for k in range(3))
         return t1, t2, t3
 
-    def _along(self, swing: Gesture, time: Scalar) -> tuple[Joints, Joints]:
+    def _along(self, profile: JointProfile, time: Scalar) -> tuple[Joints, Joints]:
         """Joint angles at a time of a period, and their rates during the ramp."""
         share = jnp.minimum(time / self.ramp_time, 1.0)
-        spans = [b - a for a, b in zip(swing.start, swing.target, strict=True)]
-        t1, t2, t3 = (a + span * share for a, span in zip(swing.start, spans, strict=True))
+        spans = [b - a for a, b in zip(profile.start, profile.target, strict=True)]
+        t1, t2, t3 = (a + span * share for a, span in zip(profile.start, spans, strict=True))
         r1, r2, r3 = (span / self.ramp_time for span in spans)
         return (t1, t2, t3), (r1, r2, r3)
 

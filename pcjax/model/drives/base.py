@@ -9,7 +9,7 @@ from jaxtyping import Array
 
 from pcjax.components import Component, Registry, quantity
 from pcjax.geometry import Flag, Mirror, Scalar, Vec
-from pcjax.model.motion import Carry, Motion
+from pcjax.model.motion import Motion, Twist
 
 DRIVES: Registry[Drive] = Registry(
     "drive", "pcjax.drives", ("pcjax.model.drives.wrist", "pcjax.model.drives.arm")
@@ -38,7 +38,7 @@ def duration_field(help: str, default: float, key: str) -> Any:
     return quantity("time", help, default=default, low=0, above=True, key=key, shared=True)
 
 
-class Carriage(eqx.Module):
+class Placement(eqx.Module):
     """Where a drive has taken the hand at a time, to be drawn.
 
     Attributes:
@@ -57,7 +57,7 @@ class Carriage(eqx.Module):
 class Drive(Component):
     """What moves the hand: where it is and where gravity points, at each instant of a trial.
 
-    A trial's life is cut into periods. `swing` turns a period's random draws into numbers, once;
+    A trial's life is cut into periods. `profile` turns a period's random draws into numbers, once;
     `fly` is called in every step and looks the motion up in them. Every drive has a static field
     `period`, seconds.
 
@@ -85,7 +85,7 @@ class Drive(Component):
         """The object's radius unless one is given: 0.05 L_p."""
         return 0.05 * palm_length
 
-    def swing(self, before: Array, draws: Array, first: Flag) -> Any:
+    def profile(self, before: Array, draws: Array, first: Flag) -> Any:
         """The period that follows the draws `before` with `draws`, as a pytree of numbers.
 
         Arguments:
@@ -94,18 +94,18 @@ class Drive(Component):
         """
         raise NotImplementedError
 
-    def fly(self, swing: Any, position: Vec, velocity: Vec, time: Scalar, dt: Scalar) -> Motion:
+    def fly(self, profile: Any, position: Vec, velocity: Vec, time: Scalar, dt: Scalar) -> Motion:
         """Free motion over the step from `time` to `time + dt` (s) of a period.
 
         Arguments:
-            swing: from `swing`.
+            profile: from `profile`.
             position: of the centre, in the hand frame.
             velocity: as seen from the ground, in the hand's axes.
             time: the same for all trials of a batch, so that a `jax.lax.cond` on it stays a branch.
             dt: the step, s.
 
         Returns:
-            The end of the step, in the hand's axes there; with a `carry` if the hand moves.
+            The end of the step, in the hand's axes there; with a `twist` if the hand moves.
         """
         raise NotImplementedError
 
@@ -117,11 +117,11 @@ class Drive(Component):
         """
         raise NotImplementedError
 
-    def steady(self, swing: Any, time: Scalar, interval: Scalar) -> tuple[Vec, Scalar]:
+    def steady(self, profile: Any, time: Scalar, interval: Scalar) -> tuple[Vec, Scalar]:
         """A pull that stands for gravity from `time` (s) of a period on, and until when.
 
         Arguments:
-            swing: from `swing`.
+            profile: from `profile`.
             time: of the period, s.
             interval: from `steady_interval`.
         """
@@ -134,13 +134,13 @@ class Drive(Component):
         """
         raise NotImplementedError
 
-    def carriage(self, swing: Any, time: Scalar) -> Carriage:
+    def placement(self, profile: Any, time: Scalar) -> Placement:
         """Where the hand is at a time of a period, for pictures: unless a drive says otherwise,
         where it always was, with the pull that an object at rest in its middle feels."""
         zero = 0.0 * time
         still = Vec(zero, zero)
-        return Carriage(
-            (still,), zero, self.fly(swing, still, still, time, 1e-3 + zero).acceleration
+        return Placement(
+            (still,), zero, self.fly(profile, still, still, time, 1e-3 + zero).acceleration
         )
 
     def mirrored(self, mirror: Mirror) -> Drive:
@@ -191,21 +191,21 @@ class WrappedDrive(Drive):
         """A length."""
         return self.drive.usual_radius(palm_length)
 
-    def swing(self, before: Array, draws: Array, first: Flag) -> Any:
+    def profile(self, before: Array, draws: Array, first: Flag) -> Any:
         """As the drive's."""
-        return self.drive.swing(before, draws, first)
+        return self.drive.profile(before, draws, first)
 
-    def fly(self, swing: Any, position: Vec, velocity: Vec, time: Scalar, dt: Scalar) -> Motion:
+    def fly(self, profile: Any, position: Vec, velocity: Vec, time: Scalar, dt: Scalar) -> Motion:
         """As the drive's."""
-        return self.drive.fly(swing, position, velocity, time, dt)
+        return self.drive.fly(profile, position, velocity, time, dt)
 
     def top_speed(self, reach: float) -> float:
         """As the drive's."""
         return self.drive.top_speed(reach)
 
-    def carriage(self, swing: Any, time: Scalar) -> Carriage:
+    def placement(self, profile: Any, time: Scalar) -> Placement:
         """As the drive's."""
-        return self.drive.carriage(swing, time)
+        return self.drive.placement(profile, time)
 
 
 class MirroredDrive(WrappedDrive):
@@ -223,19 +223,19 @@ class MirroredDrive(WrappedDrive):
 
     mirror: Mirror
 
-    def fly(self, swing: Any, position: Vec, velocity: Vec, time: Scalar, dt: Scalar) -> Motion:
+    def fly(self, profile: Any, position: Vec, velocity: Vec, time: Scalar, dt: Scalar) -> Motion:
         """The image of the drive's free motion."""
         mirror = self.mirror
-        real = self.drive.fly(swing, mirror.point(position), mirror.vector(velocity), time, dt)
-        carry = None
-        if real.carry is not None:
+        real = self.drive.fly(profile, mirror.point(position), mirror.vector(velocity), time, dt)
+        twist = None
+        if real.twist is not None:
             # The hand's velocity where the image of the origin is.
-            carry = Carry(mirror.vector(real.carry.at(mirror.origin)), -real.carry.spin)
+            twist = Twist(mirror.vector(real.twist.at(mirror.origin)), -real.twist.spin)
         return Motion(
             mirror.point(real.position),
             mirror.vector(real.velocity),
             mirror.vector(real.acceleration),
-            carry,
+            twist,
         )
 
     def top_speed(self, reach: float) -> float:
@@ -243,7 +243,7 @@ class MirroredDrive(WrappedDrive):
         # The image of the palm is twice the hand away from where the drive moves it.
         return self.drive.top_speed(3.0 * reach)
 
-    def carriage(self, swing: Any, time: Scalar) -> Carriage:
+    def placement(self, profile: Any, time: Scalar) -> Placement:
         """
         Raises:
             ValueError: always; the world of the mirror is nowhere to be seen.

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from pcjax.checks import check_between
 from pcjax.components import quantity
 from pcjax.geometry import Flag, Mirror, Scalar, Vec, where
-from pcjax.model.drives.base import Carriage, Drive, duration_field, gravity_field, register_drive
+from pcjax.model.drives.base import Drive, Placement, duration_field, gravity_field, register_drive
 from pcjax.model.motion import Motion
 
 
@@ -25,7 +25,7 @@ class Pull(eqx.Module):
     end: Vec
 
 
-class Swing(eqx.Module):
+class TiltProfile(eqx.Module):
     """One period of a wrist: tilt (T1, T2) at its start, target tilt, and gravity once there."""
 
     start: Vec
@@ -59,8 +59,8 @@ class WristTilt(Drive):
 
         >>> import math, jax.numpy as jnp, pcjax
         >>> drive = pcjax.WristTilt(amplitude=math.radians(30))
-        >>> swing = drive.swing(jnp.zeros(2), jnp.array([1.0, 0.5]), first=True)
-        >>> print(f"{swing.held.x:.2f} {abs(swing.held.y):.2f}")
+        >>> profile = drive.profile(jnp.zeros(2), jnp.array([1.0, 0.5]), first=True)
+        >>> print(f"{profile.held.x:.2f} {abs(profile.held.y):.2f}")
         4.90 0.00
     """
 
@@ -88,7 +88,9 @@ class WristTilt(Drive):
         """
         return replace(self, turned=mirror.turn)
 
-    def swing(self, before: Float[Array, "2"], draws: Float[Array, "2"], first: Flag) -> Swing:
+    def profile(
+        self, before: Float[Array, "2"], draws: Float[Array, "2"], first: Flag
+    ) -> TiltProfile:
         """The period that follows the draws `before` with `draws`, both uniform on [0, 1).
 
         In the `first` period of a trial the wrist starts level, whatever `before` is.
@@ -96,16 +98,18 @@ class WristTilt(Drive):
         level = Vec(0.0 * draws[0], 0.0 * draws[1])
         start = where(first, level, self._tilt(before))
         target = self._tilt(draws)
-        return Swing(start, target, self._gravity_at(target))
+        return TiltProfile(start, target, self._gravity_at(target))
 
-    def pull(self, swing: Swing, time: Scalar, dt: Scalar) -> Pull:
+    def pull(self, profile: TiltProfile, time: Scalar, dt: Scalar) -> Pull:
         """Gravity in the hand frame over the step from `time` to `time + dt` (s) of a period."""
 
         def turning() -> Pull:
-            return Pull(*(self._gravity_during(swing, time + share * dt) for share in (0, 0.5, 1)))
+            return Pull(
+                *(self._gravity_during(profile, time + share * dt) for share in (0, 0.5, 1))
+            )
 
         def held() -> Pull:
-            return Pull(swing.held, swing.held, swing.held)
+            return Pull(profile.held, profile.held, profile.held)
 
         # The time in the period is the same for all lanes of a batch, so this stays a branch
         # under vmap and the trigonometry costs nothing while the tilt is held.
@@ -121,19 +125,23 @@ class WristTilt(Drive):
         longest = jnp.cbrt(12.0 * drift / jnp.maximum(change, 1e-9))
         return self.ramp_time / jnp.clip(jnp.ceil(self.ramp_time / longest), 1.0, 1e4)
 
-    def steady(self, swing: Swing, time: Scalar, interval: Scalar) -> tuple[Vec, Scalar]:
+    def steady(self, profile: TiltProfile, time: Scalar, interval: Scalar) -> tuple[Vec, Scalar]:
         """A pull that stands for gravity from `time` (s) of a period on, and until when."""
         number = jnp.floor(time / interval + 1e-3)
         turning = time < self.ramp_time * (1 - 1e-6)
-        pull = where(turning, self._gravity_during(swing, (number + 0.5) * interval), swing.held)
+        pull = where(
+            turning, self._gravity_during(profile, (number + 0.5) * interval), profile.held
+        )
         return pull, jnp.where(turning, (number + 1.0) * interval, self.period)
 
-    def fly(self, swing: Swing, position: Vec, velocity: Vec, time: Scalar, dt: Scalar) -> Motion:
+    def fly(
+        self, profile: TiltProfile, position: Vec, velocity: Vec, time: Scalar, dt: Scalar
+    ) -> Motion:
         """Free motion (2) over the step from `time` to `time + dt` (s) of a period.
 
         By the classical Runge-Kutta method, for a force that depends on time alone.
         """
-        pull = self.pull(swing, time, dt)
+        pull = self.pull(profile, time, dt)
         mean = (pull.start + pull.middle * 4.0 + pull.end) * (1 / 6)
         early = (pull.start + pull.middle * 2.0) * (1 / 3)
         return Motion(
@@ -142,16 +150,16 @@ class WristTilt(Drive):
             mean,
         )
 
-    def carriage(self, swing: Swing, time: Scalar) -> Carriage:
+    def placement(self, profile: TiltProfile, time: Scalar) -> Placement:
         """The hand stays put; gravity is what turns."""
         zero = 0.0 * time
-        tilt = self.tilt(swing, time)
-        return Carriage((Vec(zero, zero),), zero, self._gravity_at(tilt), tilt)
+        tilt = self.tilt(profile, time)
+        return Placement((Vec(zero, zero),), zero, self._gravity_at(tilt), tilt)
 
-    def tilt(self, swing: Swing, time: Scalar) -> Vec:
+    def tilt(self, profile: TiltProfile, time: Scalar) -> Vec:
         """The angles (T1, T2) at a time of a period."""
         share = jnp.minimum(time / self.ramp_time, 1.0)
-        return swing.start + (swing.target - swing.start) * share
+        return profile.start + (profile.target - profile.start) * share
 
     def top_speed(self, reach: float) -> float:
         """About the highest speed of an object in a hand of length `reach`, for plain numbers."""
@@ -161,8 +169,8 @@ class WristTilt(Drive):
     def _tilt(self, draws: Float[Array, "2"]) -> Vec:
         return Vec(*(self.amplitude * (2.0 * draws[k] - 1.0) for k in (0, 1)))
 
-    def _gravity_during(self, swing: Swing, time: Scalar) -> Vec:
-        return self._gravity_at(self.tilt(swing, time))
+    def _gravity_during(self, profile: TiltProfile, time: Scalar) -> Vec:
+        return self._gravity_at(self.tilt(profile, time))
 
     def _gravity_at(self, tilt: Vec) -> Vec:
         # (1), first two components

@@ -31,22 +31,22 @@ from pcjax.physics.state import State, judge
 
 
 def move_circle(
-    body: Circle, world: World, state: State, free: Motion, dt: Scalar, one: Scalar
+    body: Circle, world: World, state: State, free: Motion, dt: Scalar, barrier: Scalar
 ) -> State:
     """A step's contact of a circle: it is with the two nearest limbs."""
-    moved = meet_limbs(world, free, dt, one)
+    moved = meet_limbs(world, free, dt, barrier)
     travel = free.position - state.position
     # Written so that NaN fails it too.
     safe = travel.dot(travel) < body.radius * body.radius
     return judge(world, state, moved, safe)
 
 
-def meet_limbs(world: World, free: Motion, dt: Scalar, one: Scalar) -> Motion:
+def meet_limbs(world: World, free: Motion, dt: Scalar, barrier: Scalar) -> Motion:
     """Impacts with the two nearest limbs, then rest and sliding on them."""
     radius = world.body.radius
-    contacts = two_nearest(world.limbs, free.position, one)
-    moved = bounce(world.law, contacts, radius, free, dt, one)
-    return hold_off(world.law, contacts, radius, moved, moved.position - free.position, dt, one)
+    contacts = two_nearest(world.limbs, free.position, barrier)
+    moved = bounce(world.law, contacts, radius, free, dt, barrier)
+    return hold_off(world.law, contacts, radius, moved, moved.position - free.position, dt, barrier)
 
 
 class Contact(eqx.Module):
@@ -77,7 +77,7 @@ class Contact(eqx.Module):
         )
 
 
-def two_nearest(limbs: Sequence[Segment], centre: Vec, one: Scalar) -> tuple[Contact, Contact]:
+def two_nearest(limbs: Sequence[Segment], centre: Vec, barrier: Scalar) -> tuple[Contact, Contact]:
     """The contacts with the limb nearest to the centre and the second nearest.
 
     A joint counts for the limb that ends there (the palm, first in `limbs`, counts both its ends),
@@ -96,10 +96,12 @@ def two_nearest(limbs: Sequence[Segment], centre: Vec, one: Scalar) -> tuple[Con
         first = jnp.minimum(first, key)
 
     def contact(key: Scalar) -> Contact:
-        tag = bits(fence(key, one)) & ((1 << tag_bits) - 1)
+        tag = bits(fence(key, barrier)) & ((1 << tag_bits) - 1)
         limb = pick(limbs, tag >> 1)
         offset = limb.offset(centre)
-        return Contact(Vec(fence(offset.x, one), fence(offset.y, one)), (tag & 1) != 0, limb)
+        return Contact(
+            Vec(fence(offset.x, barrier), fence(offset.y, barrier)), (tag & 1) != 0, limb
+        )
 
     return contact(first), contact(second)
 
@@ -126,7 +128,7 @@ def bounce(
     radius: Scalar,
     end: Motion,
     dt: Scalar,
-    one: Scalar,
+    barrier: Scalar,
 ) -> Motion:
     """Resolves an impact with each of two limbs at its time within the step that led to `end`.
 
@@ -140,14 +142,14 @@ def bounce(
 
     def begun(end: Motion, normal: Vec, penetration: Scalar, longest: Scalar) -> Scalar:
         inwards, pressing = -end.relative().dot(normal), -end.acceleration.dot(normal)
-        return fence(time_since_contact(inwards, pressing, penetration, longest), one)
+        return fence(time_since_contact(inwards, pressing, penetration, longest), barrier)
 
     def kicked(end: Motion, normal: Vec, penetration: Scalar, since: Scalar) -> Motion:
         approach = -(end.relative() - end.acceleration * since).dot(normal)  # (3): only if positive
         restitution = jnp.where(approach > law.resting_speed, law.restitution, 0.0)
         change = law.switch(penetration) * (1.0 + restitution) * jnp.maximum(approach, 0.0)  # (7)
-        kick = fence_all(end.turned(normal * fence(change, one), since), one)
-        return Motion(end.position + kick * since, end.velocity + kick, end.acceleration, end.carry)
+        kick = fence_all(end.turned(normal * fence(change, barrier), since), barrier)
+        return Motion(end.position + kick * since, end.velocity + kick, end.acceleration, end.twist)
 
     seen = [unit_and_length(contact.offset) for contact in contacts]
     depths = [radius - distance for _, distance in seen]
@@ -186,7 +188,7 @@ def hold_off(
     end: Motion,
     move: Vec,
     dt: Scalar,
-    one: Scalar,
+    barrier: Scalar,
 ) -> Motion:
     """Takes the circle out of both limbs and turns back what still moves it into them.
 
@@ -203,19 +205,19 @@ def hold_off(
     for contact in contacts:
         normal, distance = contact.after(move)
         normals.append(normal)
-        depths.append(fence(radius - distance, one))
+        depths.append(fence(radius - distance, barrier))
     angle = Angle.between(*normals)
     out = least_push(angle, *(law.ramp(depth) for depth in depths))
     gates = [law.switch(depth) for depth in depths]
     leaving, resting = [], []
     for gate, normal in zip(gates, normals, strict=True):
-        leaving.append(fence(jnp.where(gate > 0, end.relative().dot(normal), -INACTIVE), one))
+        leaving.append(fence(jnp.where(gate > 0, end.relative().dot(normal), -INACTIVE), barrier))
         pressing = jnp.maximum(-end.acceleration.dot(normal), 0.0)
-        resting.append(fence(law.resting_speed + pressing * dt, one))
+        resting.append(fence(law.resting_speed + pressing * dt, barrier))
     turn = impacts_in_turn(law, angle, (leaving[0], leaving[1]), (resting[0], resting[1]))
     position, velocity = end.position, end.velocity
     for normal, gate, push, stop in zip(normals, gates, out, turn, strict=True):
-        position = position + normal * fence(push, one)
+        position = position + normal * fence(push, barrier)
         # The limb has pressed all through the step, so on average half a step ago.
-        velocity = velocity + end.turned(normal * fence(gate * stop, one), 0.5 * dt)
-    return Motion(position, velocity, end.acceleration, end.carry)
+        velocity = velocity + end.turned(normal * fence(gate * stop, barrier), 0.5 * dt)
+    return Motion(position, velocity, end.acceleration, end.twist)

@@ -75,30 +75,30 @@ class Rod(eqx.Module):
     angle: Scalar
     spin: Scalar
 
-    def pose(self, one: Scalar) -> Pose:
+    def pose(self, barrier: Scalar) -> Pose:
         """Where it is."""
-        return fence_all(Pose.of(self.centre.position, self.angle), one)
+        return fence_all(Pose.of(self.centre.position, self.angle), barrier)
 
-    def earlier(self, time: Scalar, one: Scalar) -> tuple[Pose, Vec]:
+    def earlier(self, time: Scalar, barrier: Scalar) -> tuple[Pose, Vec]:
         """Pose and velocity `time` seconds before the end, as seen from the hand."""
         velocity, acceleration = self.centre.relative(), self.centre.acceleration
         back = (acceleration * (0.5 * time) - velocity) * time
         pose = Pose.of(self.centre.position + back, self.angle - self.spin * time)
-        return fence_all((pose, velocity - acceleration * time), one)
+        return fence_all((pose, velocity - acceleration * time), barrier)
 
     def kicked(self, kick: Vec, spin: Scalar, since: Scalar, carried: Scalar) -> Rod:
         """After a change of velocity and spin `since` seconds ago, `carried` on for as long."""
         end = self.centre
         kick = end.turned(kick, since)
         centre = Motion(
-            end.position + kick * carried, end.velocity + kick, end.acceleration, end.carry
+            end.position + kick * carried, end.velocity + kick, end.acceleration, end.twist
         )
         return Rod(centre, self.angle + spin * carried, self.spin + spin)
 
     def pushed(self, push: Vec, turn: Scalar) -> Rod:
         """Elsewhere, with the same velocity and spin."""
         end = self.centre
-        centre = Motion(end.position + push, end.velocity, end.acceleration, end.carry)
+        centre = Motion(end.position + push, end.velocity, end.acceleration, end.twist)
         return Rod(centre, self.angle + turn, self.spin)
 
 
@@ -138,18 +138,18 @@ class Touch(eqx.Module):
 
 
 def move_stick(
-    body: Stick, world: World, state: State, free: Motion, dt: Scalar, one: Scalar
+    body: Stick, world: World, state: State, free: Motion, dt: Scalar, barrier: Scalar
 ) -> State:
     """A step's contact of a stick: its turning, and what it touches."""
     half, skin = body.half_length, body.skin
     # Nothing turns the stick between impacts; the hand turns steadily.
-    carried = 0.0 if free.carry is None else free.carry.spin
+    carried = 0.0 if free.twist is None else free.twist.spin
     spin = state.spin - carried
     turn = spin * dt
     rod = Rod(free, state.angle + turn, spin)
-    before = Rod(replace(free, position=state.position), state.angle, spin).pose(one)
+    before = Rod(replace(free, position=state.position), state.angle, spin).pose(barrier)
     moved, penetration, undone = meet_limbs_with_stick(
-        body, world, before, state.angle, rod, dt, one
+        body, world, before, state.angle, rod, dt, barrier
     )
     travel = unit_and_length(free.position - state.position)[1] + half * jnp.abs(turn)
     travel = jax.lax.stop_gradient(travel)
@@ -175,7 +175,7 @@ def move_stick(
 
 
 def meet_limbs_with_stick(
-    body: Stick, world: World, before: Pose, angle: Scalar, free: Rod, dt: Scalar, one: Scalar
+    body: Stick, world: World, before: Pose, angle: Scalar, free: Rod, dt: Scalar, barrier: Scalar
 ) -> tuple[Rod, Scalar, Flag]:
     """The impact with the deepest contact, then rest and sliding on all that it touches.
 
@@ -191,61 +191,66 @@ def meet_limbs_with_stick(
         of either is on another side than before.
     """
     law = world.law
-    (met,) = _deepest(1, body, world, before, free.pose(one), one)
-    moved = impact(law, body, met, free, dt, one)
+    (met,) = _deepest(1, body, world, before, free.pose(barrier), barrier)
+    moved = impact(law, body, met, free, dt, barrier)
 
     def sweep(_: int, moved: Rod) -> Rod:
         # The impact's contact stays among them, even where another one has been run into so far
         # that the point is beside its segment meanwhile.
-        touches = [met, *_deepest(_TOGETHER, body, world, before, moved.pose(one), one)]
-        return hold_off(law, body, touches, moved, dt, one)
+        touches = [met, *_deepest(_TOGETHER, body, world, before, moved.pose(barrier), barrier)]
+        return hold_off(law, body, touches, moved, dt, barrier)
 
     moved = jax.lax.fori_loop(0, _SWEEPS, sweep, moved)
     deepest = functools.reduce(
         jnp.maximum,
-        [jax.lax.stop_gradient(depth) for depth in depths(body, world, before, moved.pose(one))],
+        [
+            jax.lax.stop_gradient(depth)
+            for depth in depths(body, world, before, moved.pose(barrier))
+        ],
     )
     # Several impacts at once in a narrow corner may be too much for the sweeps. Then the stick
     # stays where it was, where it cuts nothing, with the velocity that they have given it.
     undone = deepest >= body.skin
     end = moved.centre
     centre = Motion(
-        where(undone, before.centre, end.position), end.velocity, end.acceleration, end.carry
+        where(undone, before.centre, end.position), end.velocity, end.acceleration, end.twist
     )
     angle = jnp.where(undone, angle, moved.angle)
     return Rod(centre, angle, moved.spin), jnp.where(undone, 0.0, deepest), undone
 
 
-def impact(law: ContactLaw, body: Stick, touch: Touch, end: Rod, dt: Scalar, one: Scalar) -> Rod:
+def impact(
+    law: ContactLaw, body: Stick, touch: Touch, end: Rod, dt: Scalar, barrier: Scalar
+) -> Rod:
     """Resolves the impact (14)-(17) at its time within the step that led to `end`.
 
     The time follows from the depth at the end of the step and one Newton step at the time so found,
     where stick and normal are as they were then.
     """
-    now, velocity = end.earlier(0.0, one)
-    normal, lever, distance, reach = fence_all(touch.at(now), one)
+    now, velocity = end.earlier(0.0, barrier)
+    normal, lever, distance, reach = fence_all(touch.at(now), barrier)
     depth = body.skin - distance
     pressing = -end.centre.acceleration.dot(normal) - touch.bend(
         now, normal, reach, velocity, end.spin
     )
     inwards = -velocity.dot(normal) - end.spin * lever
-    since = fence(time_since_contact(inwards, pressing, depth, dt), one)
+    since = fence(time_since_contact(inwards, pressing, depth, dt), barrier)
 
-    then, velocity = end.earlier(since, one)
-    normal, lever, distance, _ = fence_all(touch.at(then), one)
+    then, velocity = end.earlier(since, barrier)
+    normal, lever, distance, _ = fence_all(touch.at(then), barrier)
     approach = -velocity.dot(normal) - end.spin * lever
     fast = approach > law.resting_speed
     late = jnp.where(fast, (body.skin - distance) / jnp.where(fast, approach, 1.0), 0.0)
-    since = fence(jnp.where(depth > 0, jnp.clip(since + late, 0.0, dt), 0.0), one)
+    since = fence(jnp.where(depth > 0, jnp.clip(since + late, 0.0, dt), 0.0), barrier)
 
-    then, velocity = end.earlier(since, one)
-    normal, lever, _, _ = fence_all(touch.at(then), one)
+    then, velocity = end.earlier(since, barrier)
+    normal, lever, _, _ = fence_all(touch.at(then), barrier)
     approach = -velocity.dot(normal) - end.spin * lever  # (3): only if positive
     restitution = jnp.where(approach > law.resting_speed, law.restitution, 0.0)
     change = (1.0 + restitution) * jnp.maximum(approach, 0.0)  # (14)
     per_inertia = body.mass / body.inertia
     impulse = law.switch(depth) * change / (1.0 + lever * lever * per_inertia)  # (17) / M_o
-    impulse = fence(jnp.where(touch.on, impulse, 0.0), one)
+    impulse = fence(jnp.where(touch.on, impulse, 0.0), barrier)
     # (15), (16)
     return end.kicked(normal * impulse, lever * per_inertia * impulse, since, since)
 
@@ -256,17 +261,17 @@ def hold_off(
     touches: Sequence[Touch],
     end: Rod,
     dt: Scalar,
-    one: Scalar,
+    barrier: Scalar,
 ) -> Rod:
     """Takes the stick out of its contacts and turns back what still moves it into them.
 
     As for the circle, with unit vectors along N in place of normals and more than two contacts.
     """
-    now, velocity = end.earlier(0.0, one)
+    now, velocity = end.earlier(0.0, barrier)
     per_inertia = body.mass / body.inertia
     ways, needs, stops, gates = [], [], [], []
     for touch in touches:
-        normal, lever, distance, reach = fence_all(touch.at(now), one)
+        normal, lever, distance, reach = fence_all(touch.at(now), barrier)
         depth = body.skin - distance
         size = jnp.sqrt(1.0 + lever * lever * per_inertia)
         approach = -velocity.dot(normal) - end.spin * lever
@@ -276,39 +281,39 @@ def hold_off(
         resting = law.resting_speed + jnp.maximum(pressing, 0.0) * dt
         stop = approach * (1.0 + jnp.where(approach > resting, law.restitution, 0.0))
         way, lever = normal * (1.0 / size), lever / size
-        ways.append(fence_all((way, lever), one))
-        needs.append(fence(jnp.where(touch.on, law.ramp(depth) / size, INACTIVE), one))
-        stops.append(fence(stop / size, one))
+        ways.append(fence_all((way, lever), barrier))
+        needs.append(fence(jnp.where(touch.on, law.ramp(depth) / size, INACTIVE), barrier))
+        stops.append(fence(stop / size, barrier))
         gates.append(jnp.where(touch.on, law.switch(depth), 0.0))
     overlaps = [
         [way.dot(other) + lever * turned * per_inertia for other, turned in ways]
         for way, lever in ways
     ]
-    pushes = [fence(push, one) for push in _least_pushes(overlaps, needs, one)]
+    pushes = [fence(push, barrier) for push in _least_pushes(overlaps, needs, barrier)]
     # Also what the other contacts push the stick against turns it back.
     gates = [
         jnp.where((need <= 0) & (push > 0), 1.0, gate)
         for need, push, gate in zip(needs, pushes, gates, strict=True)
     ]
     turns = [jnp.where(gate > 0, stop, INACTIVE) for gate, stop in zip(gates, stops, strict=True)]
-    turns = _least_pushes(overlaps, [fence(turn, one) for turn in turns], one)
+    turns = _least_pushes(overlaps, [fence(turn, barrier) for turn in turns], barrier)
     held = end
     for (way, lever), gate, push, turn in zip(ways, gates, pushes, turns, strict=True):
-        turn = fence(gate * turn, one)
+        turn = fence(gate * turn, barrier)
         held = held.pushed(way * push, lever * per_inertia * push)
         held = held.kicked(way * turn, lever * per_inertia * turn, 0.5 * dt, 0.0)
     return held
 
 
 def _least_pushes(
-    overlaps: Sequence[Sequence[Scalar]], needs: Sequence[Scalar], one: Scalar
+    overlaps: Sequence[Sequence[Scalar]], needs: Sequence[Scalar], barrier: Scalar
 ) -> list[Scalar]:
     """`response.least_push` for more than two unit vectors, by projected Gauss-Seidel."""
 
     def once(_: int, pushes: list[Scalar]) -> list[Scalar]:
         for k, need in enumerate(needs):
             others = [overlaps[k][m] * pushes[m] for m in range(len(needs)) if m != k]
-            pushes[k] = fence(jnp.maximum(need - sum(others), 0.0), one)
+            pushes[k] = fence(jnp.maximum(need - sum(others), 0.0), barrier)
         return pushes
 
     return jax.lax.fori_loop(0, _ROUNDS, once, [0.0 * need for need in needs])
@@ -394,7 +399,7 @@ def _vertices_of(limb: int, finger_1: int) -> tuple[int, int]:
 
 
 def _deepest(
-    count: int, body: Stick, world: World, before: Pose, after: Pose, one: Scalar
+    count: int, body: Stick, world: World, before: Pose, after: Pose, barrier: Scalar
 ) -> list[Touch]:
     """The `count` deepest contacts of the stick at `after`, the deepest first.
 
@@ -407,14 +412,14 @@ def _deepest(
     best: list[Scalar] = []
     for number, depth in enumerate(found):
         marked = (bits(depth) & ~mask) | number
-        key = fence(jax.lax.bitcast_convert_type(marked, jnp.result_type(depth)), one)
+        key = fence(jax.lax.bitcast_convert_type(marked, jnp.result_type(depth)), barrier)
         for place, other in enumerate(best):
             best[place], key = jnp.maximum(other, key), jnp.minimum(other, key)
         if len(best) < count:
             best.append(key)
 
     def touch(key: Scalar) -> Touch:
-        key = fence(key, one)
+        key = fence(key, barrier)
         number = bits(key) & mask
         by_end = number < 2 * len(limbs)
         reach = jnp.where((number & 1) == 0, half, -half)
@@ -429,7 +434,7 @@ def _deepest(
         )
         side = jnp.where(across >= 0, 1.0, -1.0)
         normal = Vec(-tangent.y, tangent.x) * side
-        anchor, normal, reach, side = fence_all((anchor, normal, reach, side), one)
+        anchor, normal, reach, side = fence_all((anchor, normal, reach, side), barrier)
         return Touch(key > 0.5 * INACTIVE, by_end, anchor, normal, reach, side)
 
     return [touch(key) for key in best]
