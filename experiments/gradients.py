@@ -20,7 +20,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pcjax.design.gradients import Differences, Estimator, Gradient, Pathwise, mixed
-from pcjax.design.space import DesignSpace, design_space, labelled
+from pcjax.design.parameters import labelled
+from pcjax.design.space import DesignSpace, design_space
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.drives.arm import PlanarArm
 from pcjax.model.drives.wrist import WristTilt

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import jax
@@ -11,6 +12,7 @@ import numpy as np
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import State
 from pcjax.physics.step import step
+from pcjax.simulate.stepping import trajectory
 
 _CHUNK = 100
 
@@ -26,6 +28,12 @@ def _scan(scenario: Scenario, profile: Any, begin: State, steps: int, dt: Any) -
 @jax.jit
 def _chunk(scenario: Scenario, profile: Any, begin: State, dt: Any) -> State:
     return _scan(scenario, profile, begin, _CHUNK, dt)
+
+
+@functools.partial(jax.jit, static_argnames=("periods", "dt"))
+def path_of(scenario: Scenario, trial: Any, periods: int = 1, dt: float = 0.001) -> State:
+    """All the states of a trial; one program for a kind of scenario."""
+    return trajectory(scenario, trial=trial, periods=periods, dt=dt)
 
 
 def roll(scenario: Scenario, profile: Any, begin: State, steps: int, dt: float) -> State:

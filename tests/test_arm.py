@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from pcjax.compiling import compiled_quickly
 from pcjax.geometry import Vec
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.bodies.stick import Stick
@@ -151,31 +152,34 @@ def test_a_limb_that_sweeps_into_an_object_passes_on_its_velocity(dt: float) -> 
 BODIES = pytest.mark.parametrize("body", [Circle(50.0), Stick(50.0, 0.6)])
 
 
+@compiled_quickly
+def third_trial(body: Circle | Stick, arm: PlanarArm) -> State:
+    """A trial's first period in the paper's hand."""
+    return trajectory(does(two_joint_hand(), body, arm), trial=3, dt=0.01)
+
+
 @BODIES
 def test_turning_mount_and_gravity_together_changes_nothing(body: Circle | Stick) -> None:
-    run = jax.jit(lambda arm: trajectory(does(two_joint_hand(), body, arm), trial=3, dt=0.01))
-    reference = run(PlanarArm())
+    reference = third_trial(body, PlanarArm())
     for turn in (0.7, -2.9):
         turned = PlanarArm(mount_angle=-math.pi / 2 + turn, gravity_direction=-math.pi / 2 + turn)
-        other = run(turned)
+        other = third_trial(body, turned)
         np.testing.assert_array_equal(reference.status, other.status)
         np.testing.assert_allclose(reference.position.x, other.position.x, atol=1e-6)
         np.testing.assert_allclose(reference.position.y, other.position.y, atol=1e-6)
-    gravity_alone = run(PlanarArm(gravity_direction=0.7 - math.pi / 2))
+    gravity_alone = third_trial(body, PlanarArm(gravity_direction=0.7 - math.pi / 2))
     assert np.abs(reference.position.x - gravity_alone.position.x).max() > 1.0
 
 
 def test_turning_the_mount_against_the_first_joint_changes_nothing() -> None:
-    hand = two_joint_hand()
-    arm = PlanarArm()
-    reference = jax.jit(lambda: trajectory(does(hand, Circle(50.0), arm), trial=3, dt=0.01))()
+    reference = third_trial(Circle(50.0), PlanarArm())
     shifted = PlanarArm(
         rest=(0.5, math.pi / 4, 0.0),
         low=(0.5 - math.pi / 4, 0.0, 0.0),
         high=(0.5 + math.pi / 4, math.pi / 2, 0.0),
         mount_angle=-math.pi / 2 - 0.5,
     )
-    other = jax.jit(lambda: trajectory(does(hand, Circle(50.0), shifted), trial=3, dt=0.01))()
+    other = third_trial(Circle(50.0), shifted)
     np.testing.assert_allclose(reference.position.x, other.position.x, atol=1e-6)
     np.testing.assert_allclose(reference.position.y, other.position.y, atol=1e-6)
 
@@ -293,6 +297,6 @@ def test_gradients_with_respect_to_the_hand_and_the_arm_are_finite() -> None:
         return path.position.x[300] + path.velocity.y[300]
 
     at_point = (jnp.array([1.2, 1.6]), jnp.array([200.0, 100.0]), jnp.array([200.0, 200.0, 0.0]))
-    for leaf in jax.jit(jax.jacrev(outcome, argnums=(0, 1, 2)))(*at_point):
+    for leaf in compiled_quickly(jax.jacrev(outcome, argnums=(0, 1, 2)))(*at_point):
         assert np.all(np.isfinite(leaf))
         assert np.any(np.asarray(leaf) != 0)

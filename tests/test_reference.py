@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import jax
 import numpy as np
 import pytest
 
@@ -14,7 +13,7 @@ from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.state import PASSED
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
-from pcjax.simulate.stepping import trajectory
+from tests.helpers import path_of
 from tests.reference import simulator
 
 pytestmark = pytest.mark.usefixtures("x64")
@@ -53,10 +52,9 @@ def reference(
 def test_trajectories_agree(direction: str, degrees: float, radius: float) -> None:
     hand = box_hand(math.radians(degrees))
     scenario = {"does": does, "eoen": eoen}[direction](hand, Circle(radius))
-    run = jax.jit(lambda trial: trajectory(scenario, trial=trial, periods=2))
     agreed = []
     for trial in range(TRIALS):
-        mine = run(trial)
+        mine = path_of(scenario, trial, 2)
         other = reference(scenario, hand, trial, 2, direction)
         n = len(other["positions"])
         got = np.stack([mine.position.x, mine.position.y], 1)[:n]
@@ -73,10 +71,9 @@ def test_escape_steps_agree() -> None:
     hand = box_hand(0.0, gap_width=380.0, fingertip_length=30.0, side_length=200.0)
     scenario = does(hand, Circle(25.0))
     periods = 6
-    run = jax.jit(lambda trial: trajectory(scenario, trial=trial, periods=periods))
     same, ended = 0, 0
     for trial in range(10):
-        mine = run(trial)
+        mine = path_of(scenario, trial, periods)
         passed = int(mine.status[-1]) == PASSED
         step = int(mine.steps[-1]) if passed else None
         other = reference(scenario, hand, trial, periods, "does")["escape_step"]

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import jax
 import numpy as np
 import pytest
 
@@ -22,8 +21,8 @@ from pcjax.model.scenario import Scenario, does
 from pcjax.physics.state import PAPER_DT, PASSED, State
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
 from pcjax.simulate.outcomes import LIMIT
-from pcjax.simulate.stepping import trajectory
 from pcjax.study.evaluate import evaluate
+from tests.helpers import path_of
 from tests.reference import simulator, world
 
 pytestmark = pytest.mark.usefixtures("x64")
@@ -89,10 +88,9 @@ def agreed(apart: np.ndarray, tolerance: float) -> int:
 
 def compare(scenario: Scenario, trials: range, steps: int) -> tuple[list[np.ndarray], list[int]]:
     """The differences in each trial, and how many impacts the trials have while within 1e-5."""
-    run = jax.jit(lambda trial: trajectory(scenario, trial=trial))
     differences, impacts = [], []
     for trial in trials:
-        mine, other = run(trial), reference(scenario, trial, steps)
+        mine, other = path_of(scenario, trial), reference(scenario, trial, steps)
         differences.append(apart(mine, other))
         limit = agreed(differences[-1], 1e-5)
         impacts.append(sum(number <= limit for number in other["impacts"]))
@@ -129,10 +127,9 @@ def test_stick_under_wrist_tilt() -> None:
 
 def test_escape_steps_on_the_arm() -> None:
     scenario = does(two_joint_hand(math.radians(55)), Circle(50.0), PlanarArm())
-    run = jax.jit(lambda trial: trajectory(scenario, trial=trial))
     same = ended = 0
     for trial in range(5):
-        mine = run(trial)
+        mine = path_of(scenario, trial)
         passed = int(mine.status[-1]) == PASSED
         other = reference(scenario, trial, PER_PERIOD)["escape_step"]
         same += (int(mine.steps[-1]) if passed else None) == other

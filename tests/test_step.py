@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate
 
+from pcjax.compiling import compiled_quickly
 from pcjax.geometry import Vec
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.contact import ContactLaw
@@ -134,6 +135,12 @@ def reflected(
         hit.append(k)
 
 
+@compiled_quickly
+def step_each(scenario: Scenario, profile: TiltProfile, begin: jax.Array, dt: jax.Array) -> State:
+    """One step from each of many starts."""
+    return jax.vmap(lambda row: step(scenario, profile, state(*row), dt))(begin)
+
+
 @pytest.mark.parametrize("restitution", [0.6, 1.0])
 @pytest.mark.parametrize("degrees", [60.0, 90.0, 110.0])
 def test_both_impacts_of_a_step_into_a_corner_are_exact(degrees: float, restitution: float) -> None:
@@ -149,7 +156,7 @@ def test_both_impacts_of_a_step_into_a_corner_are_exact(degrees: float, restitut
     ends, hits = zip(*(reflected(walls, restitution, row, pull, dt) for row in begin), strict=True)
     both = np.array([sorted(hit) == [0, 1] for hit in hits])
     assert both.sum() > 40
-    moved = jax.jit(jax.vmap(lambda row: step(scenario, held(*pull), state(*row), dt)))(begin)
+    moved = step_each(scenario, held(*pull), begin, dt)
     got = np.stack([moved.position.x, moved.position.y, moved.velocity.x, moved.velocity.y], 1)
     np.testing.assert_allclose(got[both], np.array(ends)[both], atol=1e-9)
     # In the acute corner the limb that is hit first is mostly the one that the free motion ends
@@ -189,11 +196,12 @@ def test_rest_in_corners_does_not_drift() -> None:
         np.testing.assert_allclose(path.position.y, y, atol=1e-9)
 
 
-def clearances(scenario: Scenario, path: State) -> np.ndarray:
+@compiled_quickly
+def clearances(scenario: Scenario, path: State) -> jax.Array:
     """Distance to each limb minus radius, (steps, limbs)."""
     limbs = scenario.hand.limbs()
     gaps = jax.vmap(lambda p: jnp.stack([limb.distance(p) for limb in limbs]))(path.position)
-    return np.asarray(gaps) - float(scenario.body.radius)
+    return gaps - scenario.body.radius
 
 
 inside = st.tuples(st.floats(-220, 220), st.floats(30, 330), st.floats(-60, 60), st.floats(-60, 60))
@@ -221,7 +229,7 @@ def test_energy_never_grows_and_nothing_is_entered(
     # Rolling over a limb's round end is resolved to second order in dt: rises of 1e-5 of the
     # energy at stake (some 3,000) are its error; a real gain would be in whole units.
     assert np.all(rises < 0.03)
-    clear = clearances(scenario, path).min(axis=1)
+    clear = np.asarray(clearances(scenario, path)).min(axis=1)
     assert np.all(clear > -0.02)  # of a radius of 25, for single steps on round ends
     assert np.mean(clear < -1e-6) < 0.01
 
@@ -309,7 +317,7 @@ def test_gradients_are_finite(begin: tuple[float, ...], smoothing: float) -> Non
     )
 
 
-@jax.jit
+@compiled_quickly
 def both_modes(scenario: Scenario, profile: TiltProfile, begin: State) -> tuple[Scenario, Scenario]:
     """Derivatives of the end by all numbers of the scenario, in forward and reverse mode."""
 
@@ -335,10 +343,11 @@ def test_derivatives_through_impacts_match_central_differences(
         return final(scenario, held(*pull), state(*begin), 5000, 1e-3)
 
     at = (jnp.asarray(0.2), jnp.asarray(25.0), jnp.asarray(0.3))
-    exact = jax.jacfwd(outcome, argnums=(0, 1, 2))(*at)
+    value = compiled_quickly(outcome)
+    exact = compiled_quickly(jax.jacfwd(outcome, argnums=(0, 1, 2)))(*at)
     for k, h in enumerate((1e-6, 1e-5, 1e-6)):
         plus, minus = (
-            outcome(*(a + sign * h * (i == k) for i, a in enumerate(at))) for sign in (1, -1)
+            value(*(a + sign * h * (i == k) for i, a in enumerate(at))) for sign in (1, -1)
         )
         difference = (plus - minus) / (2 * h)
         scale = 1 + np.abs(difference).max()
@@ -371,18 +380,18 @@ def test_push_out_alone_would_have_wrong_derivatives(monkeypatch: pytest.MonkeyP
 
     begin, profile, steps = state(0.0, 100.0, 30.0, -10.0), held(1.0, -5.0), 4000
 
-    def outcome(radius: jax.Array, restitution: jax.Array, steps: int) -> jax.Array:
+    def outcome(radius: jax.Array, restitution: jax.Array) -> jax.Array:
         law = ContactLaw(restitution=restitution)
         return final(does(box_hand(0.2), Circle(radius), law=law), profile, begin, steps, 1e-3)
 
     at, h = (jnp.asarray(25.0), jnp.asarray(0.6)), 1e-5
-    difference = (outcome(at[0] + h, at[1], steps) - outcome(at[0] - h, at[1], steps)) / (2 * h)
+    value = compiled_quickly(outcome)
+    difference = (value(at[0] + h, at[1]) - value(at[0] - h, at[1])) / (2 * h)
     scale = np.abs(difference).max()
-    exact = jax.jacfwd(outcome)(*at, steps)
+    exact = compiled_quickly(jax.jacfwd(outcome))(*at)
     assert np.abs(exact - difference).max() < 1e-3 * scale
     monkeypatch.setattr(stages, "bounce", lambda law, contacts, radius, end, dt, one: end)
-    # one step more, so that the patched step is compiled and not found compiled
-    pushed = jax.jacfwd(outcome)(*at, steps + 1)
+    pushed = compiled_quickly(jax.jacfwd(lambda *at: outcome(*at)))(*at)
     assert np.abs(pushed - difference).max() > 0.05 * scale
 
 

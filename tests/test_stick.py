@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pcjax.compiling import compiled_quickly
 from pcjax.geometry import Segment, Vec, segments_cross
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.bodies.stick import Stick
@@ -138,7 +139,8 @@ def test_a_rod_at_rest_in_a_corner_does_not_drift() -> None:
     np.testing.assert_allclose(path.angle, 0.0, atol=1e-5)
 
 
-def cuts(scenario: Scenario, path: State) -> np.ndarray:
+@compiled_quickly
+def cuts(scenario: Scenario, path: State) -> jax.Array:
     """Whether the stick cuts a limb, in each state."""
     limbs = scenario.hand.limbs()
 
@@ -147,7 +149,7 @@ def cuts(scenario: Scenario, path: State) -> np.ndarray:
         stick = Segment(position - along * HALF, along, jnp.asarray(2 * HALF))
         return jnp.any(jnp.stack([jnp.asarray(segments_cross(stick, limb)) for limb in limbs]))
 
-    return np.asarray(jax.jit(jax.vmap(one))(path.position, path.angle))
+    return jax.vmap(one)(path.position, path.angle)
 
 
 @settings(max_examples=25, deadline=None)
@@ -171,7 +173,7 @@ def test_energy_never_grows_and_no_limb_is_cut(
     assert np.all(rises < 0.2)
     assert np.sum(np.maximum(rises, 0)) < 2.0
     assert not np.any(np.asarray(path.status) == INVALID)
-    assert not np.any(cuts(scenario, path)[running])
+    assert not np.any(np.asarray(cuts(scenario, path))[running])
 
 
 @settings(max_examples=10, deadline=None)
@@ -253,8 +255,8 @@ def test_gradients_are_finite_and_right(smoothing: float | None) -> None:
         return jnp.stack([path.position.x[250], path.position.y[250]])
 
     at = (jnp.asarray(1.134), jnp.asarray(200.0), jnp.asarray(0.7))
-    value = jax.jit(outcome)
-    exact = jax.jit(jax.jacfwd(outcome, argnums=(0, 1, 2)))(*at)
+    value = compiled_quickly(outcome)
+    exact = compiled_quickly(jax.jacfwd(outcome, argnums=(0, 1, 2)))(*at)
     for k, h in enumerate((1e-6, 1e-4, 1e-6)):
         plus, minus = (
             value(*(a + sign * h * (i == k) for i, a in enumerate(at))) for sign in (1, -1)
@@ -277,8 +279,8 @@ def test_derivatives_through_smoothed_contact_match_central_differences() -> Non
         return jnp.stack([leaf[jnp.array([110, 399])] for leaf in jax.tree.leaves(numbers)])
 
     at = tuple(jnp.asarray(x) for x in (1.134, 1.6, 200.0, 0.7))
-    value = jax.jit(outcome)
-    exact = jax.jit(jax.jacfwd(outcome, argnums=(0, 1, 2, 3)))(*at)
+    value = compiled_quickly(outcome)
+    exact = compiled_quickly(jax.jacfwd(outcome, argnums=(0, 1, 2, 3)))(*at)
     for k, h in enumerate((1e-6, 1e-6, 1e-4, 1e-6)):
         plus, minus = (
             value(*(a + sign * h * (i == k) for i, a in enumerate(at))) for sign in (1, -1)

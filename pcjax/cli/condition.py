@@ -12,7 +12,7 @@ from typing import Any
 
 from pcjax.cli.parts import as_flags_say, number
 from pcjax.components import Component, Quantity, quantities
-from pcjax.design.space import HELP, labelled
+from pcjax.design.parameters import HELP, labelled
 from pcjax.model.bodies.base import BODIES
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.base import DRIVES

@@ -31,7 +31,8 @@ from pcjax.cli.parts import (
     whole,
 )
 from pcjax.design.map import MapPlan
-from pcjax.design.space import DesignSpace, design_space, labelled
+from pcjax.design.parameters import labelled
+from pcjax.design.space import DesignSpace, design_space
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import OBJECTIVES, Surrogate
 from pcjax.results.map_csv import map_as_csv

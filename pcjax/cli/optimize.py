@@ -35,8 +35,9 @@ from pcjax.cli.parts import (
 from pcjax.design.gradients import Differences, Estimator, Mixture, Pathwise
 from pcjax.design.map import score_name
 from pcjax.design.optimize import Optimum, Settings, optimize
+from pcjax.design.parameters import labelled
 from pcjax.design.search import search_cma, search_grid
-from pcjax.design.space import DesignSpace, design_space, labelled
+from pcjax.design.space import DesignSpace, design_space
 from pcjax.model.scenario import check_geometry
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import FORMS, OBJECTIVES, Surrogate

@@ -8,7 +8,8 @@ from dataclasses import replace
 from typing import Any
 
 from pcjax.components import Component, Quantity, quantities
-from pcjax.design.space import DesignSpace, labelled, parameter
+from pcjax.design.parameters import labelled, parameter
+from pcjax.design.space import DesignSpace
 from pcjax.model.bodies.base import BODIES
 from pcjax.model.drives.base import DRIVES
 from pcjax.model.hand import HandDesign
