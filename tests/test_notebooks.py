@@ -6,7 +6,11 @@ from pathlib import Path
 
 import nbformat
 import pytest
+from IPython.core.formatters import DisplayFormatter
 from nbclient import NotebookClient
+
+from pcjax.paper.pictures import plot_figure
+from pcjax.results.reading import load_dataset
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 
@@ -68,3 +72,9 @@ def test_progress_is_shown_in_a_notebook_if_asked_for(tmp_path: Path) -> None:
     assert "trials" in shown
     assert "128" in shown
     assert silent == ""
+
+
+def test_a_picture_is_shown_without_set_up() -> None:
+    data = load_dataset(NOTEBOOKS[0].parents[1] / "experiments" / "results" / "fig12.nc")
+    shown, _ = DisplayFormatter().format(plot_figure(data))
+    assert shown["image/png"].startswith(b"\x89PNG")

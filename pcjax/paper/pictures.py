@@ -11,6 +11,7 @@ from pcjax.paper import constants as paper
 from pcjax.paper.figures import Curve, curve, score_curve
 from pcjax.results.schema import NAMES
 from pcjax.results.tables import engines_text
+from pcjax.view.picture import Picture
 from pcjax.view.plots import COLOURS
 
 _Z95 = 1.96
@@ -22,7 +23,7 @@ def plot_figure(dataset: xr.Dataset) -> Figure:
     if name not in paper.FIGURES:
         return _plot_arm_figure(dataset)
     settings = paper.FIGURES[name]
-    figure = Figure(figsize=(7.2, 4.8), layout="constrained")
+    figure = Picture(figsize=(7.2, 4.8), layout="constrained")
     axis = figure.subplots()
     if name == "9a":
         where = {"gap_width": settings.gap_widths[0]}
@@ -66,7 +67,7 @@ def plot_figure(dataset: xr.Dataset) -> Figure:
 
 def _plot_arm_figure(dataset: xr.Dataset) -> Figure:
     name, attrs = str(dataset.attrs["figure"]), dataset.attrs
-    figure = Figure(figsize=(7.2, 4.8), layout="constrained")
+    figure = Picture(figsize=(7.2, 4.8), layout="constrained")
     axis = figure.subplots()
     if name == "17":
         colours = (*COLOURS, "#cc79a7")

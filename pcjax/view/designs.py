@@ -24,6 +24,7 @@ from pcjax.quality.surrogate import Surrogate
 from pcjax.results.schema import NAMES, length_unit_of, place_of
 from pcjax.study.inspect import Inspection
 from pcjax.units import in_brackets
+from pcjax.view.picture import Picture
 from pcjax.view.shapes import COLOURS, draw_object, name_axes
 
 _Z95 = 1.96
@@ -36,7 +37,7 @@ def plot_optimum(data: tuple[Optimum, DesignSpace, Surrogate]) -> Figure:
     """The hand before and after, the scores along the way, and for two parameters the path."""
     found, space, surrogate = data
     pair = len(space.free) == 2
-    figure = Figure(figsize=(14.5 if pair else 10, 4.4), layout="constrained")
+    figure = Picture(figsize=(14.5 if pair else 10, 4.4), layout="constrained")
     axes = figure.subplots(1, 3 if pair else 2, width_ratios=[1, 1.25, 1.25][: 3 if pair else 2])
     draw_hands(axes[0], found, space, surrogate)
     draw_history(axes[1], found, surrogate)
@@ -48,7 +49,7 @@ def plot_optimum(data: tuple[Optimum, DesignSpace, Surrogate]) -> Figure:
 def plot_inspection(found: Inspection) -> Figure:
     """The hand in each direction that can be run, with the box of starts and the object in it."""
     views = {d: view for d, view in found.views.items() if view.gap is not None}
-    figure = Figure(figsize=(5.0 * max(len(views), 1), 4.6), layout="constrained")
+    figure = Picture(figsize=(5.0 * max(len(views), 1), 4.6), layout="constrained")
     axes = figure.subplots(1, max(len(views), 1), squeeze=False)[0]
     study = found.study
     for axis, direction in zip(axes, views or ["does"], strict=True):
@@ -163,7 +164,7 @@ def draw_map(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogat
 
 def plot_map(dataset: xr.Dataset) -> Figure:
     """A map from `pcjax.score_map` with the current hand; hatched: hands without a score."""
-    figure = Figure(figsize=(7.4, 5.6), layout="constrained")
+    figure = Picture(figsize=(7.4, 5.6), layout="constrained")
     axis = figure.subplots()
     labels = [str(label) for label in reversed(place_of(dataset))]
     estimates = dataset.score.isel(index=0)

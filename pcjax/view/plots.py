@@ -11,6 +11,7 @@ from pcjax.results.evaluation import Evaluation
 from pcjax.results.schema import NAMES, length_unit_of
 from pcjax.study.compare import Ranking
 from pcjax.units import with_unit
+from pcjax.view.picture import Picture
 from pcjax.view.shapes import COLOURS, draw_object, name_axes
 
 _Z95 = 1.96
@@ -20,7 +21,7 @@ _DIRECTION_COLOUR = {"does": COLOURS[0], "eoen": COLOURS[1]}
 def plot_evaluation(evaluation: Evaluation) -> Figure:
     """The hand in each direction evaluated, drawn to scale, beside the survival curves."""
     directions = evaluation.directions
-    figure = Figure(figsize=(4.2 * len(directions) + 5.2, 4.4), layout="constrained")
+    figure = Picture(figsize=(4.2 * len(directions) + 5.2, 4.4), layout="constrained")
     axes = figure.subplots(
         1, len(directions) + 1, width_ratios=[1.0] * len(directions) + [1.25], squeeze=False
     )[0]
@@ -35,7 +36,7 @@ def plot_ranking(ranking: Ranking) -> Figure:
     names = ranking.names
     columns = min(len(names), 4)
     rows = -(-len(names) // columns)
-    figure = Figure(figsize=(4.0 * columns, 4.4 * rows), layout="constrained")
+    figure = Picture(figsize=(4.0 * columns, 4.4 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     form = ".4g" if ranking.by == "score" else ",.0f"
     for axis in axes[len(names) :]:

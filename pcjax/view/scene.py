@@ -12,6 +12,7 @@ from pcjax.model.bodies.base import placed_outline
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import PAPER_DT
 from pcjax.simulate.replay import Frames, Recording, record
+from pcjax.view.picture import Picture
 from pcjax.view.shapes import COLOURS, draw_object, name_axes
 
 
@@ -39,7 +40,7 @@ def plot_scenes(
     steps = max(round(max(times) / PAPER_DT), 1)
     recording = record(scenario, seed=seed, trial=trial, max_steps=steps, dt=dt)
     frames = recording.at(np.minimum(np.asarray(times, float), recording.seconds))
-    figure = Figure(figsize=(3.4 * len(times), 4.6), layout="constrained")
+    figure = Picture(figsize=(3.4 * len(times), 4.6), layout="constrained")
     axes = figure.subplots(1, len(times), sharex=True, sharey=True, squeeze=False)[0]
     for k, (axis, time) in enumerate(zip(axes, times, strict=True)):
         draw_scene(axis, recording, frames, k)

@@ -11,6 +11,7 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 
 from pcjax.results.schema import INDICES, NAMES, labels_of
+from pcjax.view.picture import Picture
 from pcjax.view.plots import COLOURS
 from pcjax.words import did_you_mean
 
@@ -161,7 +162,7 @@ def _figure(
     data: xr.Dataset,
 ) -> Figure:
     """Curves with bands: each with its name, its places and its estimates (statistic last)."""
-    figure = Figure(figsize=(7.2, 4.8), layout="constrained")
+    figure = Picture(figsize=(7.2, 4.8), layout="constrained")
     axis = figure.subplots()
     many = colormaps["viridis"](np.linspace(0, 0.9, len(lines)))
     for k, (name, places, values) in enumerate(lines):
