@@ -16,7 +16,7 @@ from pcjax.model.scenario import Scenario
 from pcjax.physics.contact.table import CONTACTS
 from pcjax.physics.state import PASSED
 from pcjax.simulate.choose import choose_engine, engine_for, engine_names
-from pcjax.simulate.engine import ENGINES
+from pcjax.simulate.engine import ENGINES, How
 from pcjax.simulate.event import EventDriven
 from pcjax.simulate.outcomes import LIMIT, Outcomes
 from pcjax.simulate.stepping import Stepping
@@ -43,8 +43,8 @@ class Clock(pcjax.Engine):
     def processor_seconds(self, scenario: Scenario, max_steps: int) -> float:
         return 3600.0
 
-    def fill(self, outcomes: Outcomes, scenarios: Any, *, first: int, **how: Any) -> None:
-        ends = self.pace * (1 + first + np.arange(outcomes.steps.shape[1]))
+    def fill(self, outcomes: Outcomes, scenarios: Any, how: How) -> None:
+        ends = self.pace * (1 + how.first + np.arange(outcomes.steps.shape[1]))
         outcomes.steps[:] = np.minimum(ends, outcomes.max_steps)
         outcomes.status[:] = np.where(ends < outcomes.max_steps, PASSED, LIMIT)
 

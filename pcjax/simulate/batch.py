@@ -24,7 +24,7 @@ from pcjax.components import shared_leaves, unfixed
 from pcjax.model.scenario import Scenario
 from pcjax.progress import progress_bar
 from pcjax.simulate.cloud import Cloud
-from pcjax.simulate.engine import Engine
+from pcjax.simulate.engine import Engine, How
 from pcjax.simulate.lanes import Lanes, Program
 from pcjax.simulate.outcomes import Outcomes
 from pcjax.simulate.workers import Ledger, advance_for, crew_of, work
@@ -89,17 +89,7 @@ def run(
         raise ValueError(f"precision is {precision!r}: it has to be 32 or 64 (bits)")
     if any(scenario.body.turns != turns for scenario in scenarios):
         raise ValueError("some of the objects turn and others do not: run them one after the other")
-    engine.fill(
-        outcomes,
-        scenarios,
-        first=first,
-        seed=seed,
-        precision=precision,
-        block=block,
-        workers=workers,
-        progress=progress,
-        cloud=cloud,
-    )
+    engine.fill(outcomes, scenarios, How(first, seed, precision, block, workers, progress, cloud))
     return outcomes
 
 
@@ -126,19 +116,7 @@ class LaneEngine(Engine):
         """How long each trial has lasted, s, for periods of `period` seconds."""
         raise NotImplementedError
 
-    def fill(
-        self,
-        outcomes: Outcomes,
-        scenarios: Sequence[Scenario],
-        *,
-        first: int,
-        seed: int,
-        precision: int,
-        block: int | None,
-        workers: int | None,
-        progress: bool,
-        cloud: Cloud | None,
-    ) -> None:
+    def fill(self, outcomes: Outcomes, scenarios: Sequence[Scenario], how: How) -> None:
         """Runs lanes in blocks, refilled as trials end."""
         kinds: dict[Any, list[int]] = {}
         for k, scenario in enumerate(map(unfixed, scenarios)):
@@ -148,23 +126,11 @@ class LaneEngine(Engine):
             kinds.setdefault((jax.tree.structure(scenario), common), []).append(k)
         if len(kinds) > 1:
             for chosen in kinds.values():
-                part = run(
-                    [scenarios[k] for k in chosen],
-                    trials=outcomes.steps.shape[1],
-                    first=first,
-                    max_steps=outcomes.max_steps,
-                    seed=seed,
-                    engine=self,
-                    precision=precision,
-                    block=block,
-                    workers=workers,
-                    progress=progress,
-                    cloud=cloud,
-                    keep_final=outcomes.final is not None,
-                )
+                part = outcomes.of(chosen)
+                self.fill(part, [scenarios[k] for k in chosen], how)
                 outcomes.put(chosen, part)
             return
-        dtype = np.float32 if precision == 32 else np.float64
+        dtype = np.float32 if how.precision == 32 else np.float64
         # The compiled program depends on how many conditions there are: of a few numbers only.
         room = max(_FEWEST_CONDITIONS, 1 << (len(scenarios) - 1).bit_length())
         filled = [*scenarios, *[scenarios[0]] * (room - len(scenarios))]
@@ -178,39 +144,33 @@ class LaneEngine(Engine):
         program = self.program(period)
         devices = jax.local_devices()
         platform = devices[0].platform
-        crew = crew_of(devices, workers)
+        crew = crew_of(devices, how.workers)
         total = outcomes.steps.size
+        block = how.block
         if block is None:
             fair = -(-total // len(crew))
             largest = _BLOCK.get(platform, _BLOCK_ON_ACCELERATOR)
             block = min(largest, max(_SMALLEST_BLOCK, 1 << (fair - 1).bit_length()))
         check_count("block", block, 1, 2**24)
         seconds = functools.partial(self.seconds, period=period)
-        ledger = Ledger(filled, seconds, outcomes, first)
+        ledger = Ledger(filled, seconds, outcomes, how.first)
         advance = functools.partial(
             advance_for(platform),
             program=jax.tree.map(
                 lambda n: np.int32(n) if isinstance(n, int) else dtype(n), program
             ),
             stacked=stacked,
-            seed=np.uint32(seed),
+            seed=np.uint32(how.seed),
             last_period=np.int32(ledger.last_period),
-            cloud=None
-            if cloud is None
-            else jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype), cloud),
+            cloud=jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype), how.cloud),
         )
         with (
-            progress_bar(
-                total=total,
-                desc="trials",
-                unit="trial",
-                shown=progress,
-            ) as bar,
+            progress_bar(total=total, desc="trials", unit="trial", shown=how.progress) as bar,
             ThreadPoolExecutor(len(crew)) as pool,
         ):
             ledger.on_end = bar.update
             jobs = [
-                pool.submit(work, ledger, advance, block, dtype, precision, device)
+                pool.submit(work, ledger, advance, block, dtype, how.precision, device)
                 for device in crew
             ]
             try:

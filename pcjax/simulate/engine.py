@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from pcjax.components import Component, Registry, quantities
@@ -16,6 +17,19 @@ ENGINES: Registry[Engine] = Registry(
 """How trials are run, as study files and flags can name it."""
 
 register_engine = ENGINES.register
+
+
+@dataclass(frozen=True)
+class How:
+    """How trials are run, whatever the engine: the arguments of `pcjax.simulate.batch.run`."""
+
+    first: int
+    seed: int
+    precision: int
+    block: int | None
+    workers: int | None
+    progress: bool
+    cloud: Cloud | None
 
 
 class Engine(Component):
@@ -76,25 +90,13 @@ class Engine(Component):
         """About how long a trial takes a core of 2023, for a forecast."""
         raise NotImplementedError
 
-    def fill(
-        self,
-        outcomes: Outcomes,
-        scenarios: Sequence[Scenario],
-        *,
-        first: int,
-        seed: int,
-        precision: int,
-        block: int | None,
-        workers: int | None,
-        progress: bool,
-        cloud: Cloud | None,
-    ) -> None:
-        """Runs the trials from `first` on of every scenario, as many as `outcomes` has room for.
+    def fill(self, outcomes: Outcomes, scenarios: Sequence[Scenario], how: How) -> None:
+        """Runs the trials of every scenario, as many as `outcomes` has room for.
 
         Arguments:
             outcomes: blank arrays, filled in here; those that are None are not wanted.
-            scenarios, first, seed, precision, block, workers, progress, cloud: as for
-                `pcjax.simulate.batch.run`, and checked.
+            scenarios: the conditions.
+            how: checked.
         """
         raise NotImplementedError
 

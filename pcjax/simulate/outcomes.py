@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -40,12 +40,18 @@ class Outcomes:
     excursion: Float[np.ndarray, "conditions trials 3"] | None = None
     final: Float[np.ndarray, "conditions trials 4"] | None = None
 
+    def of(self, conditions: Sequence[int]) -> Outcomes:
+        """Those of some conditions, on their own."""
+        return replace(self, **{name: whole[conditions] for name, whole in self._arrays()})
+
     def put(self, conditions: Sequence[int], part: Outcomes) -> None:
         """Fills in the outcomes of some conditions, which were run on their own."""
-        for name in ("steps", "status", "watch", "excursion", "final"):
-            whole = getattr(self, name)
-            if whole is not None:
-                whole[conditions] = getattr(part, name)
+        for name, whole in self._arrays():
+            whole[conditions] = getattr(part, name)
+
+    def _arrays(self) -> list[tuple[str, np.ndarray]]:
+        names = ("steps", "status", "watch", "excursion", "final")
+        return [(name, whole) for name in names if (whole := getattr(self, name)) is not None]
 
     @classmethod
     def blank(

@@ -117,7 +117,7 @@ class Recording:
         # The end of a period belongs to it, not to the next.
         period = np.maximum(np.ceil(times / drive.period - 1e-6) - 1, 0).astype(np.int32)
         joints, turn, pull, tilt = jax.device_get(
-            _carriage(drive, self.seed, self.trial, period, times - period * drive.period)
+            _placements(drive, self.seed, self.trial, period, times - period * drive.period)
         )
         return Frames(np.asarray(times), self.path(times), angle, joints, turn, pull, tilt)
 
@@ -171,7 +171,7 @@ def _run(scenario: Scenario, seed: Any, trial: Any, periods: int, dt: float) -> 
 
 
 @jax.jit
-def _carriage(drive: Drive, seed: Any, trial: Any, periods: Array, times: Array) -> Any:
+def _placements(drive: Drive, seed: Any, trial: Any, periods: Array, times: Array) -> Any:
     """`joints`, `turn`, `pull` and `tilt` of `Frames` at times of some periods."""
     key = trial_key(seed, trial)
 
