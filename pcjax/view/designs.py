@@ -23,7 +23,7 @@ from pcjax.model.hand import points_of
 from pcjax.quality.surrogate import Surrogate
 from pcjax.results.schema import NAMES, length_unit_of, place_of
 from pcjax.study.inspect import Inspection
-from pcjax.units import in_brackets
+from pcjax.units import in_brackets, with_unit
 from pcjax.view.picture import Picture
 from pcjax.view.shapes import COLOURS, draw_object, name_axes
 
@@ -62,14 +62,15 @@ def plot_inspection(found: Inspection) -> Figure:
         axis.margins(0.08)
         name_axes(axis, study.units)
         view = found.views[direction]
-        if view.starts is None:
+        if view.starts is None or view.gap is None:
             axis.set_title(f"{NAMES[direction]}: cannot be run")
             continue
         for (x0, y0), (x1, y1) in view.starts:
             axis.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fc="0.9", ec="0.6", zorder=0))
         (x0, y0), _ = view.starts[0]
         draw_object(axis, *placed_outline(study.body, np.array([x0, y0])))
-        axis.set_title(f"{NAMES[direction]}: gap {view.gap:.4g}, object {found.width:.4g}")
+        gap, width = (with_unit(length, study.units) for length in (view.gap, found.width))
+        axis.set_title(f"{NAMES[direction]}: gap {gap}, object {width}")
     return figure
 
 
