@@ -24,7 +24,7 @@ from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.state import INVALID
-from pcjax.quality.surrogate import Surrogate, Task
+from pcjax.quality.surrogate import Sample, Surrogate, Task
 from pcjax.simulate.batch import run
 from pcjax.simulate.event import EventDriven
 from pcjax.simulate.lanes import Lanes
@@ -304,3 +304,10 @@ def test_a_closed_hand_has_no_gradient() -> None:
     shut = design_space(closed, ["fingertip_angle_deg"], 50.0, 0.0)
     with pytest.raises(ValueError, match="closed"):
         Differences()(Surrogate(task()), shut, [np.array([60.0])], 0)
+
+
+def test_a_hand_that_lets_everybody_out_at_once_is_said_to() -> None:
+    held = np.ones((2, 2, 2, 4))
+    held[1, 1] = 0.0
+    with pytest.raises(ValueError, match="every object out at once"):
+        Surrogate(task()).appraise(Sample(held, np.ones(4, bool), 0))

@@ -396,9 +396,18 @@ class Surrogate:
     def appraise(
         self, sample: Sample
     ) -> tuple[Float[np.ndarray, "hands directions"], Float[np.ndarray, "directions hands n"]]:
-        """`judge` of a sample's means, and what each valid trial adds to those logarithms."""
+        """`judge` of a sample's means, and what each valid trial adds to those logarithms.
+
+        Raises:
+            ValueError: a hand lets every trial out at once.
+        """
         means = sample.means()
         logs, slopes = self.judge(means)
+        if not np.isfinite(logs).all():
+            raise ValueError(
+                "a hand that was tried lets every object out at once, as its relaxed goal reaches "
+                "the starts: take form 'exact', or bounds that keep the goal line farther away"
+            )
         deviations = sample.values[..., sample.valid] - means[..., None]
         return logs, np.einsum("vdk,vdkn->dvn", slopes, deviations)
 
