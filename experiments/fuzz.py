@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import functools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -21,6 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from pcjax.compiling import compiled_quickly
 from pcjax.geometry import Vec
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.contact import ContactLaw
@@ -244,7 +246,7 @@ def energy_growth(
         return list(zip(leapt.tolist(), stepped.tolist(), strict=True))
 
 
-@jax.jit(static_argnames="leaps")
+@functools.partial(compiled_quickly, static_argnames="leaps")
 def _growth(scenario: Scenario, draws: jax.Array, leaps: int) -> tuple[jax.Array, jax.Array]:
     world, drive = scenario.world(), scenario.drive
     assert isinstance(drive, WristTilt)

@@ -11,6 +11,8 @@ import jax
 import pytest
 
 from pcjax.cli.compilation_cache import VARIABLE, use_compilation_cache
+from pcjax.compiling import QUICKLY
+from pcjax.simulate import workers
 
 _PROGRAMS = None
 if "PYTEST_XDIST_WORKER" not in os.environ:
@@ -24,6 +26,17 @@ def pytest_unconfigure() -> None:
     """Workers have ended by now."""
     if _PROGRAMS is not None:
         _PROGRAMS.cleanup()
+
+
+@pytest.fixture(scope="module")
+def quick_programs() -> Iterator[None]:
+    """Compiles the trials of a module in a third of the time, to run for a moment: for what is said
+    and written about trials. How they go is tested with the programs that users run."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(workers, "_COMPILER_OPTIONS", {"cpu": QUICKLY})
+        workers.advance_for.cache_clear()
+        yield
+    workers.advance_for.cache_clear()
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -15,6 +15,8 @@ from pcjax.physics.step import step
 from pcjax.simulate.stepping import trajectory
 
 _CHUNK = 100
+
+T = TypeVar("T")
 
 
 def _scan(scenario: Scenario, profile: Any, begin: State, steps: int, dt: Any) -> State:
@@ -36,6 +38,17 @@ def path_of(scenario: Scenario, trial: Any, periods: int = 1, dt: float = 0.001)
     return trajectory(scenario, trial=trial, periods=periods, dt=dt)
 
 
+def strong(tree: T) -> T:
+    """The same with 64-bit arrays for numbers, so that what takes it is compiled once.
+
+    Python's whole numbers stand for lengths; counts are 32-bit arrays.
+    """
+    return jax.tree.map(
+        lambda leaf: leaf if getattr(leaf, "dtype", None) == np.int32 else np.asarray(leaf, float),
+        tree,
+    )
+
+
 def roll(scenario: Scenario, profile: Any, begin: State, steps: int, dt: float) -> State:
     """All the states after each of `steps` steps, with 64-bit numbers.
 
@@ -46,10 +59,8 @@ def roll(scenario: Scenario, profile: Any, begin: State, steps: int, dt: float) 
         isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves((scenario, profile, begin))
     ):
         return _scan(scenario, profile, begin, steps, dt)
-    scenario, profile = jax.tree.map(lambda leaf: np.asarray(leaf, float), (scenario, profile))
-    state, parts = jax.tree.map(np.asarray, begin), []
-    # Python's whole numbers stand for lengths; counts are 32-bit.
-    state = jax.tree.map(lambda leaf: leaf + 0.0 if leaf.dtype == np.int64 else leaf, state)
+    scenario, profile, state = strong((scenario, profile, begin))
+    parts = []
     for _ in range(-(-steps // _CHUNK)):
         parts.append(jax.device_get(_chunk(scenario, profile, state, np.float64(dt))))
         state = jax.tree.map(lambda leaf: leaf[-1], parts[-1])

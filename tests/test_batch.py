@@ -25,12 +25,14 @@ from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.state import INVALID, PASSED
+from pcjax.simulate import workers
 from pcjax.simulate.batch import run
 from pcjax.simulate.engine import Engine
 from pcjax.simulate.event import EventDriven
 from pcjax.simulate.outcomes import LIMIT, Outcomes
 from pcjax.simulate.stepping import Stepping, trajectory
-from pcjax.simulate.workers import advance_for
+
+pytestmark = pytest.mark.usefixtures("quick_programs")
 
 ENGINE = Stepping(0.02)
 LIMIT_STEPS = 60_000
@@ -80,7 +82,7 @@ def test_chunk_size_changes_nothing(usual: Outcomes, monkeypatch: pytest.MonkeyP
 
 
 def test_no_number_compiles_anew() -> None:
-    programs = advance_for("cpu")
+    programs = workers.advance_for("cpu")
     hand = box_hand()
 
     def compiled(engine: Engine, *scenarios: Scenario) -> int:
@@ -135,12 +137,14 @@ def test_seeds_differ(usual: Outcomes) -> None:
 def test_several_devices_change_nothing(usual: Outcomes, tmp_path: Path) -> None:
     script = (
         "import sys, json, jax\n"
-        "sys.path.insert(0, 'tests')\n"
-        "import test_batch as t\n"
-        "assert len(jax.local_devices()) == 3\n"
-        "print(json.dumps(t.outcomes(workers=3).steps.tolist()))\n"
+        "sys.path.insert(0, '.')\n"
+        "import tests.test_batch as t\n"
+        "from pcjax.compiling import QUICKLY\n"
+        "assert len(jax.local_devices()) == 2\n"
+        "t.workers._COMPILER_OPTIONS = {'cpu': QUICKLY}\n"
+        "print(json.dumps(t.outcomes(workers=2).steps.tolist()))\n"
     )
-    env = os.environ | {"XLA_FLAGS": "--xla_force_host_platform_device_count=3"}
+    env = os.environ | {"XLA_FLAGS": "--xla_force_host_platform_device_count=2"}
     root = Path(__file__).parent.parent
     done = subprocess.run(
         [sys.executable, "-c", script], env=env, cwd=root, capture_output=True, text=True

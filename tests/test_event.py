@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pcjax.compiling import compiled_quickly
 from pcjax.geometry import Vec
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.contact import ContactLaw
@@ -28,6 +29,9 @@ from pcjax.simulate.draws import period_draws, start_draws, trial_key
 from pcjax.simulate.event import DRIFT, EventDriven, Flight, first_root, leap
 from pcjax.simulate.outcomes import LIMIT
 from pcjax.simulate.stepping import Stepping
+from tests.helpers import strong
+
+pytestmark = pytest.mark.usefixtures("quick_programs")
 
 
 def scenario(radius: float = 25.0, angle: float = 10.0, *, back: bool = False, **law: float):
@@ -48,8 +52,13 @@ def flight(x: float, y: float, vx: float = 0.0, vy: float = 0.0, time: float = 2
     return Flight(place, velocity, jnp.asarray(time), zero, zero)
 
 
-@jax.jit
 def hop(scenario: Scenario, profile: TiltProfile, before: Flight) -> Flight:
+    """The state after one leap."""
+    return _hop(*strong((scenario, profile, before)))
+
+
+@compiled_quickly
+def _hop(scenario: Scenario, profile: TiltProfile, before: Flight) -> Flight:
     interval = scenario.drive.steady_interval(DRIFT * scenario.body.radius)
     return leap(scenario.world(), profile, interval, before)
 
@@ -244,11 +253,11 @@ SPREAD = {
 
 
 def test_agrees_with_fine_steps_on_the_same_draws() -> None:
-    # 200 trials of 8 conditions to 60 s. Trials agree to a few steps until chaos tells them apart;
-    # paired over all 1,600, the means may differ by chance alone: |z| < 4 (false alarm 6e-5).
+    # 60 trials of 8 conditions to 60 s. Trials agree to a few steps until chaos tells them apart;
+    # paired over all 480, the means may differ by chance alone: |z| < 4 (false alarm 6e-5).
     conditions = list(SPREAD.values())
-    mine = run(conditions, trials=200, max_steps=60_000, engine=EventDriven(), precision=64)
-    theirs = run(conditions, trials=200, max_steps=60_000, engine=Stepping(0.004), precision=64)
+    mine = run(conditions, trials=60, max_steps=60_000, engine=EventDriven(), precision=64)
+    theirs = run(conditions, trials=60, max_steps=60_000, engine=Stepping(0.004), precision=64)
     assert not np.any(mine.status == INVALID)
     difference = mine.steps.astype(float) - theirs.steps
     assert np.mean(np.abs(difference) <= 20) > 0.97

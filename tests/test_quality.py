@@ -58,11 +58,11 @@ def test_table_of_an_independent_program() -> None:
 
 
 def test_pymunk_agrees() -> None:
-    # The same 200 starts and targets in another engine, to 60 s. Paired, so that the two may
+    # The same 80 starts and targets in another engine, to 60 s. Paired, so that the two may
     # differ by little; |z| < 4 has a false alarm of 6e-5, and 25 steps (0.05 %) of bias are
     # allowed for pymunk's first-order solver.
     scenario = does(box_hand(0.0, gap_width=300.0), Circle(25.0))
-    trials, limit = 200, 60_000
+    trials, limit = 80, 60_000
     ours = run([scenario], trials=trials, max_steps=limit, engine=Stepping(0.01)).steps[0]
     inputs = as_arrays(scenario, trials=trials, max_steps=limit)
     theirs = pymunk_scene.escape_steps(**inputs, dt=0.005, max_steps=limit // 5) * 5

@@ -18,7 +18,7 @@ from tests.reference import simulator
 
 pytestmark = pytest.mark.usefixtures("x64")
 
-TRIALS = 6
+TRIALS = 4
 
 
 def reference(
@@ -72,12 +72,12 @@ def test_escape_steps_agree() -> None:
     scenario = does(hand, Circle(25.0))
     periods = 6
     same, ended = 0, 0
-    for trial in range(10):
+    for trial in range(6):
         mine = path_of(scenario, trial, periods)
         passed = int(mine.status[-1]) == PASSED
         step = int(mine.steps[-1]) if passed else None
         other = reference(scenario, hand, trial, periods, "does")["escape_step"]
         same += step == other
         ended += other is not None
-    assert ended >= 5
-    assert same >= 8
+    assert ended >= 3
+    assert same >= 5

@@ -24,7 +24,7 @@ from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.state import INVALID, PASSED, RUNNING, State, at_rest
 from pcjax.physics.step import step
-from tests.helpers import roll
+from tests.helpers import roll, strong
 
 pytestmark = pytest.mark.usefixtures("x64")
 
@@ -309,22 +309,27 @@ def final(
 )
 @pytest.mark.parametrize("smoothing", [0.0, 2.0])
 def test_gradients_are_finite(begin: tuple[float, ...], smoothing: float) -> None:
-    forward, reverse = both_modes(wrist(smoothing=smoothing), held(0.5, -2.0), state(*begin))
-    for leaf in jax.tree.leaves((forward, reverse)):
-        assert np.all(np.isfinite(leaf))
-    np.testing.assert_allclose(
-        np.array(jax.tree.leaves(forward)), np.array(jax.tree.leaves(reverse)), atol=1e-6
-    )
+    scenario, profile, first = strong((wrist(smoothing=smoothing), held(0.5, -2.0), state(*begin)))
+    rng = np.random.default_rng(1)
+    way = jax.tree.map(lambda leaf: rng.normal(size=leaf.shape), scenario)
+    weights = rng.normal(size=3)
+    forward, reverse = both_modes(scenario, profile, first, way, weights)
+    numbers = np.array(jax.tree.leaves(reverse))
+    assert np.all(np.isfinite(numbers))
+    along = numbers @ np.array(jax.tree.leaves(way))
+    assert float(forward) == pytest.approx(along, rel=1e-9, abs=1e-6)
 
 
 @compiled_quickly
-def both_modes(scenario: Scenario, profile: TiltProfile, begin: State) -> tuple[Scenario, Scenario]:
-    """Derivatives of the end by all numbers of the scenario, in forward and reverse mode."""
+def both_modes(
+    scenario: Scenario, profile: TiltProfile, begin: State, way: Scenario, weights: jax.Array
+) -> tuple[jax.Array, Scenario]:
+    """Derivatives of a weighted end: along a way in forward mode, by all numbers in reverse."""
 
     def outcome(scenario: Scenario) -> jax.Array:
-        return final(scenario, profile, begin, 60, 1e-2)
+        return weights @ final(scenario, profile, begin, 60, 1e-2)
 
-    return jax.jacfwd(outcome)(scenario), jax.jacrev(outcome)(scenario)
+    return jax.jvp(outcome, (scenario,), (way,))[1], jax.grad(outcome)(scenario)
 
 
 @pytest.mark.parametrize(

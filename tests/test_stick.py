@@ -245,12 +245,10 @@ def test_a_free_rod_keeps_its_spin_in_the_world_while_the_hand_turns() -> None:
         assert got == pytest.approx(0.3 + 0.2 * (k + 1) * 0.01, abs=1e-9)
 
 
-@pytest.mark.parametrize("smoothing", [None, 1.0])
-def test_gradients_are_finite_and_right(smoothing: float | None) -> None:
+def test_derivatives_through_impacts_match_central_differences() -> None:
     def outcome(angle: jax.Array, length: jax.Array, orientation: jax.Array) -> jax.Array:
         hand = two_joint_hand(angle, math.pi / 2, lengths=(length, 100.0))
-        law = ContactLaw(smoothing=smoothing)
-        scenario = does(hand, Stick(HALF, orientation), PlanarArm(), law)
+        scenario = does(hand, Stick(HALF, orientation), PlanarArm())
         path = trajectory(scenario, trial=3, periods=1, dt=0.01)
         return jnp.stack([path.position.x[250], path.position.y[250]])
 
@@ -262,10 +260,8 @@ def test_gradients_are_finite_and_right(smoothing: float | None) -> None:
             value(*(a + sign * h * (i == k) for i, a in enumerate(at))) for sign in (1, -1)
         )
         difference = (plus - minus) / (2 * h)
-        assert np.all(np.isfinite(exact[k]))
         scale = 1 + np.abs(difference).max()
-        if smoothing is None:
-            np.testing.assert_allclose(exact[k], difference, atol=0.02 * scale)
+        np.testing.assert_allclose(exact[k], difference, atol=0.02 * scale)
 
 
 def test_derivatives_through_smoothed_contact_match_central_differences() -> None:
@@ -292,7 +288,7 @@ def test_derivatives_through_smoothed_contact_match_central_differences() -> Non
 
 
 def test_index_1_of_the_papers_stick_and_no_invalid_trials() -> None:
-    # 600 trials in float32 against 5,000 others of ours (s.e. 31, 88 and 232): a difference of four
+    # 300 trials in float32 against 5,000 others of ours (s.e. 31, 88 and 232): a difference of four
     # joint standard errors is a false alarm once in 16,000 runs for each.
     conditions = ((60, 0), (90, 60), (120, 90))
     scenarios = [
@@ -304,11 +300,11 @@ def test_index_1_of_the_papers_stick_and_no_invalid_trials() -> None:
         for second, orientation in conditions
     ]
     settings = {"max_steps": 180_000, "engine": Stepping(0.01), "block": 256, "seed": 5}
-    out = run(scenarios, trials=600, **settings)  # type: ignore[arg-type]
+    out = run(scenarios, trials=300, **settings)  # type: ignore[arg-type]
     assert not np.any(out.status == INVALID)
     assert np.mean(out.status == PASSED) > 0.99
     for k, (known, known_se) in enumerate(((6854, 25), (10_138, 88), (16_601, 232))):
-        se = out.steps[k].std() / math.sqrt(600)
+        se = out.steps[k].std() / math.sqrt(300)
         assert abs(out.steps[k].mean() - known) < 4 * math.hypot(se, known_se)
     assert out.watch is not None
     penetration, travel, undone = np.moveaxis(out.watch, -1, 0)

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from pcjax.compiling import compiled_quickly
 from pcjax.design.gradients import Differences, Gradient, Mixture, Pathwise, differentiable_score
 from pcjax.design.space import DesignSpace, design_space
 from pcjax.model.bodies.circle import Circle
@@ -147,11 +148,11 @@ def test_forward_mode_equals_differences_of_the_same_function_for_every_leaf(
         leaves, structure = jax.tree.flatten(scenario)
         at = jnp.array([float(leaf) for leaf in leaves])
 
-        @jax.jit
-        def held(numbers: jax.Array) -> jax.Array:
+        def mean(numbers: jax.Array) -> jax.Array:
             return held_by(jax.tree.unflatten(structure, list(numbers)), trials, periods, 0.8, 0.05)
 
-        slope = jax.jit(lambda at, way: jax.jvp(held, (at,), (way,))[1])
+        held = compiled_quickly(mean)
+        slope = compiled_quickly(lambda at, way: jax.jvp(mean, (at,), (way,))[1])
         steps = np.maximum(np.abs(at), 1.0)
         ways = np.diag(steps)
         forward = np.array([slope(at, way) for way in ways])
@@ -178,10 +179,10 @@ def test_derivatives_are_finite_where_lengths_vanish() -> None:
         does(closed, Circle(25.0), WristTilt(), ContactLaw(smoothing=5.0)),
         does(box_hand(0.0, gap_width=50.0), Circle(25.0)),
     ]
+    slope = compiled_quickly(lambda at: jax.jvp(held, (at,), (jax.tree.map(jnp.ones_like, at),))[1])
     for scenario in cases:
         with jax.enable_x64(True):
             at = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), scenario)
-            slope = jax.jit(lambda at: jax.jvp(held, (at,), (jax.tree.map(jnp.ones_like, at),))[1])
             assert np.isfinite(slope(at))
 
 
@@ -270,7 +271,7 @@ def test_pathwise_gradients_are_those_of_the_trials_mean() -> None:
         (got,) = Pathwise(block=8)(surrogate, wide, [design], 1)
         numbers = jnp.arange(8, dtype=jnp.int32)
 
-        @jax.jit
+        @compiled_quickly
         def score(at: jax.Array) -> jax.Array:
             engine = Stepping(0.05, goal_layer=0.8)
             values = surrogate.traced_values(wide.hand(at), engine, numbers, jnp.uint32(1))
@@ -278,7 +279,8 @@ def test_pathwise_gradients_are_those_of_the_trials_mean() -> None:
 
         moves = 1e-6 * np.diag(wide.scales)
         difference = [(score(design + m) - score(design - m)) / 2e-6 for m in moves]
-    assert got.value == pytest.approx(float(score(design)), rel=1e-4)
+        value = float(score(design))
+    assert got.value == pytest.approx(value, rel=1e-4)
     np.testing.assert_allclose(got.gradient * wide.scales, difference, rtol=1e-4, atol=1e-8)
 
 
