@@ -36,7 +36,15 @@ enough lanes to fill it."""
 
 _SMALLEST_BLOCK = 64
 
-_FEWEST_CONDITIONS = 16
+_FEWEST_CONDITIONS = 64
+
+
+def _up(count: int, least: int) -> int:
+    """The first of `least`, 4 `least`, 16 `least`, ... that is `count` or more: few sizes are few
+    programs to compile."""
+    while least < count:
+        least *= 4
+    return least
 
 
 def run(
@@ -132,9 +140,10 @@ class LaneEngine(Engine):
             return
         dtype = np.float32 if how.precision == 32 else np.float64
         # The compiled program depends on how many conditions there are: of a few numbers only.
-        room = max(_FEWEST_CONDITIONS, 1 << (len(scenarios) - 1).bit_length())
-        filled = [*scenarios, *[scenarios[0]] * (room - len(scenarios))]
-        loose = [unfixed(scenario) for scenario in filled]
+        spare = _up(len(scenarios), _FEWEST_CONDITIONS) - len(scenarios)
+        filled = [*scenarios, *[scenarios[0]] * spare]
+        loose = [unfixed(scenario) for scenario in scenarios]
+        loose += loose[:1] * spare
 
         def stack(is_shared: bool, *leaves: Any) -> np.ndarray:
             return np.asarray(leaves[0] if is_shared else leaves, dtype)
@@ -150,7 +159,10 @@ class LaneEngine(Engine):
         if block is None:
             fair = -(-total // len(crew))
             largest = _BLOCK.get(platform, _BLOCK_ON_ACCELERATOR)
-            block = min(largest, max(_SMALLEST_BLOCK, 1 << (fair - 1).bit_length()))
+            block = min(largest, _up(fair, _SMALLEST_BLOCK))
+            if platform == "cpu" and block > fair:
+                # Full blocks, one after the other. An accelerator takes one as fast as its quarter.
+                block = max(block // 4, _SMALLEST_BLOCK)
         check_count("block", block, 1, 2**24)
         seconds = functools.partial(self.seconds, period=period)
         ledger = Ledger(filled, seconds, outcomes, how.first)
