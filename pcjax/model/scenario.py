@@ -315,9 +315,12 @@ def check_geometry(scenario: Scenario) -> float:
 
 def geometry_of(scenario: Scenario) -> Geometry:
     """What a scenario looks like whose numbers are concrete, in 64 bits."""
+    return _seen(scenario.hand, scenario.body.radius, scenario.start_spread)
+
+
+def _seen(hand: HandDesign, radius: Scalar, start_spread: Scalar) -> Geometry:
     with jax.enable_x64(True):
-        numbers = (scenario.hand, scenario.body.radius, scenario.start_spread)
-        return jax.device_get(_geometry(*jax.tree.map(float, numbers)))
+        return jax.device_get(_geometry(*jax.tree.map(float, (hand, radius, start_spread))))
 
 
 def _advice(scenario: Scenario) -> str:
@@ -402,9 +405,9 @@ def why_no_eoen(hand: HandDesign) -> str:
         return "with one limb a finger only the palm is left to confine an object outside"
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(hand)):
         return ""
-    with jax.enable_x64(True):
-        gap, mirrored, crossings = jax.device_get(_seen_from_outside(jax.tree.map(float, hand)))
-    for (a, b), crossed in crossings.items():
+    inside, outside = (_seen(one, 0.0, 0.0) for one in (hand, hand.with_fingertips_mirrored()))
+    gap, mirrored = inside.gap, outside.gap
+    for (a, b), crossed in outside.crossings.items():
         if crossed:
             return f"seen from outside {b} crosses {a}"
     if not same_gap(gap, mirrored):
@@ -418,14 +421,6 @@ def why_no_eoen(hand: HandDesign) -> str:
 def same_gap(gap: Any, other: Any) -> Any:
     """Whether two gaps are the same number, but for rounding."""
     return abs(gap - other) <= 1e-9 * (gap + other)
-
-
-@compiled_quickly
-def _seen_from_outside(
-    hand: HandDesign,
-) -> tuple[Scalar, Scalar, dict[tuple[str, str], Flag]]:
-    mirrored = hand.with_fingertips_mirrored()
-    return hand.gap(), mirrored.gap(), mirrored.crossings()
 
 
 def usual_max_steps(body: Body, drive: Drive) -> int:
