@@ -33,7 +33,8 @@ from pcjax.physics.state import INVALID, PASSED, RUNNING, State, at_rest
 from pcjax.physics.step import advance
 from pcjax.simulate.batch import run
 from pcjax.simulate.choose import choose_engine
-from pcjax.simulate.event import EventDriven, Flight, leap
+from pcjax.simulate.event import EventDriven
+from pcjax.simulate.leaping import Flight, leap
 from pcjax.simulate.outcomes import Outcomes
 from pcjax.simulate.stepping import Stepping, safe_step
 

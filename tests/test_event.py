@@ -15,18 +15,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pcjax.compiling import compiled_quickly
-from pcjax.geometry import Vec
+from pcjax.geometry import NEVER, Vec, first_root
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.wrist import TiltProfile, WristTilt
 from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.state import INVALID, PASSED, RUNNING
-from pcjax.simulate import event
 from pcjax.simulate.batch import run
 from pcjax.simulate.choose import choose_engine
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
-from pcjax.simulate.event import DRIFT, EventDriven, Flight, first_root, leap
+from pcjax.simulate.event import DRIFT, EventDriven
+from pcjax.simulate.leaping import LONGEST_ARC, Flight, leap
 from pcjax.simulate.outcomes import LIMIT
 from pcjax.simulate.stepping import Stepping
 from tests.helpers import strong
@@ -92,7 +92,7 @@ def test_first_root_is_the_least_positive_root(
     square = speed**2 - 2 * acceleration * gap
     if abs(square) < 1e-9:
         return  # a double root is there or not by rounding
-    assert got == pytest.approx(min(real), rel=1e-6) if real else got == event.NEVER
+    assert got == pytest.approx(min(real), rel=1e-6) if real else got == NEVER
 
 
 @pytest.mark.usefixtures("x64")
@@ -156,7 +156,7 @@ def test_rolling_over_a_limbs_end_keeps_the_energy_and_flies_off_where_it_has_to
         if np.linalg.norm(offset) > 30 + 1e-3:
             left = numbers(before.position) - end
             leaving = math.atan2(left[0], left[1])
-            assert math.cos(leaving) == pytest.approx(2 / 3, abs=event.LONGEST_ARC)
+            assert math.cos(leaving) == pytest.approx(2 / 3, abs=LONGEST_ARC)
             return
         assert angle < math.pi / 2
     pytest.fail("it never flew off")

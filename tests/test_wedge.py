@@ -19,7 +19,7 @@ from pcjax.model.scenario import Scenario, World, does
 from pcjax.physics.response import Angle, least_push
 from pcjax.physics.state import RUNNING, State, at_rest
 from pcjax.physics.step import step
-from pcjax.simulate.event import Flight, leap
+from pcjax.simulate.leaping import Flight, leap
 
 pytestmark = pytest.mark.usefixtures("x64")
 
