@@ -22,7 +22,7 @@ from pcjax.model.drives.wrist import TiltProfile
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does
-from pcjax.physics.contact.rod import Pose, depths
+from pcjax.physics.contact.touch import Pose, depths
 from pcjax.physics.state import INVALID, PASSED, RUNNING, State, at_rest
 from pcjax.physics.step import begin
 from pcjax.simulate.batch import run
