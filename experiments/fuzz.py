@@ -25,10 +25,11 @@ from jaxtyping import Float
 from pcjax.compiling import compiled_quickly
 from pcjax.geometry import Vec
 from pcjax.model.bodies.circle import Circle
+from pcjax.model.checking import check_geometry
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.wrist import TiltProfile, WristTilt
 from pcjax.model.hand import HandDesign
-from pcjax.model.scenario import Scenario, check_geometry, does, eoen
+from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.state import INVALID, PASSED, RUNNING, State, at_rest
 from pcjax.physics.step import advance
 from pcjax.simulate.batch import run

@@ -16,11 +16,12 @@ import numpy as np
 
 from experiments.fuzz import farthest_stray
 from pcjax.model.bodies.circle import Circle
+from pcjax.model.checking import check_geometry
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand
-from pcjax.model.scenario import Scenario, check_geometry, does, eoen
+from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.state import INVALID, PASSED
 from pcjax.simulate.batch import run
 from pcjax.simulate.choose import choose_engine

@@ -14,11 +14,12 @@ from pcjax.compiling import compiled_quickly
 from pcjax.geometry import Vec
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.bodies.stick import Stick
+from pcjax.model.checking import check_geometry
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.arm import JointProfile, PlanarArm
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand, two_joint_hand
-from pcjax.model.scenario import check_geometry, does, eoen
+from pcjax.model.scenario import does, eoen
 from pcjax.physics.state import INVALID, State, at_rest
 from pcjax.simulate.batch import run
 from pcjax.simulate.draws import period_draws, start_draws, trial_key

@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 
 from pcjax.geometry import Vec
 from pcjax.model.bodies.circle import Circle
+from pcjax.model.checking import check_geometry
 from pcjax.model.drives.arm import PlanarArm
 from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.hand import HandDesign, full_cage
 from pcjax.model.presets import box_hand, two_joint_hand
-from pcjax.model.scenario import check_geometry, default_direction, does, eoen, why_no_eoen
+from pcjax.model.scenario import default_direction, does, eoen, why_no_eoen
 from pcjax.simulate.batch import run
 from pcjax.simulate.event import EventDriven
 from pcjax.simulate.outcomes import LIMIT

@@ -12,9 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pcjax.model.bodies.circle import Circle
+from pcjax.model.checking import check_geometry
 from pcjax.model.hand import HandDesign, full_cage
 from pcjax.model.presets import box_hand, two_joint_hand
-from pcjax.model.scenario import check_geometry, does, eoen
+from pcjax.model.scenario import does, eoen
 from pcjax.simulate.draws import start_draws, trial_key
 from pcjax.words import InputWarning
 

@@ -17,7 +17,7 @@ import pcjax
 from pcjax.cli import main
 from pcjax.design.compare import compare
 from pcjax.design.map import shapes
-from pcjax.model.scenario import check_geometry
+from pcjax.model.checking import check_geometry
 from pcjax.results.saving import save_dataset
 
 CIRCLE = pcjax.Circle(25.0)

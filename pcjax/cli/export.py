@@ -7,7 +7,8 @@ from pathlib import Path
 
 from pcjax.cli.condition import add_condition, condition
 from pcjax.cli.parts import add_outputs, check_writable, number, settle_outputs
-from pcjax.model.scenario import check_geometry, does
+from pcjax.model.checking import check_geometry
+from pcjax.model.scenario import does
 from pcjax.view.export import check_drawing, export_hand
 
 

@@ -38,7 +38,7 @@ from pcjax.design.optimize import Optimum, Settings, optimize
 from pcjax.design.parameters import labelled
 from pcjax.design.search import search_cma, search_grid
 from pcjax.design.space import DesignSpace, design_space
-from pcjax.model.scenario import check_geometry
+from pcjax.model.checking import check_geometry
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import FORMS, OBJECTIVES, Surrogate
 from pcjax.results.saving import save_text

@@ -20,10 +20,11 @@ from pcjax.design.search import grid_lines
 from pcjax.design.space import DesignSpace
 from pcjax.geometry import Scalar
 from pcjax.model.bodies.base import Body
+from pcjax.model.checking import fits, is_hand
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.base import Drive
 from pcjax.model.hand import HandDesign, full_cage
-from pcjax.model.scenario import DIRECTIONS, fits, is_hand
+from pcjax.model.scenario import DIRECTIONS
 from pcjax.quality.surrogate import Surrogate
 from pcjax.results.estimates import rows_of
 from pcjax.results.provenance import conditions, provenance

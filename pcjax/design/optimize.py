@@ -28,8 +28,8 @@ from pcjax.checks import check_between, check_count, check_kind
 from pcjax.design.compare import compare, compare_hands
 from pcjax.design.gradients import Differences, Estimator, Gradient
 from pcjax.design.space import DesignSpace
+from pcjax.model.checking import check_geometry
 from pcjax.model.hand import HandDesign
-from pcjax.model.scenario import check_geometry
 from pcjax.progress import progress_bar
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate

@@ -24,8 +24,9 @@ from pcjax.design.parameters import (
     parameter,
 )
 from pcjax.geometry import Flag, Scalar
+from pcjax.model.checking import is_hand
 from pcjax.model.hand import HandDesign
-from pcjax.model.scenario import is_hand, why_no_eoen
+from pcjax.model.scenario import why_no_eoen
 
 
 def nearest_within(
@@ -152,7 +153,7 @@ class DesignSpace:
     def objections(self) -> list[str]:
         """Why the base hand itself is not an allowed design, each in words; none if it is one.
 
-        Whether it is a hand at all is left to `pcjax.model.scenario.check_geometry`.
+        Whether it is a hand at all is left to `pcjax.model.checking.check_geometry`.
         """
         found, given = [], self.design_of(self.base)
         for p, value, scale in zip(self.free, given, self.scales, strict=True):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -13,22 +11,13 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from pcjax.checks import check_between, check_kind
-from pcjax.compiling import compiled_quickly
-from pcjax.geometry import (
-    Flag,
-    Scalar,
-    Segment,
-    Vec,
-    cut_through,
-    is_inside,
-    segment_between,
-    stacked,
-)
+from pcjax.geometry import Scalar, Segment, Vec
 from pcjax.model.bodies.base import Body
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.base import Drive
 from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.hand import Goal, HandDesign
+from pcjax.model.layout import corner_centre, first_centre, geometry_of_hand, same_gap
 
 
 class World(eqx.Module):
@@ -119,55 +108,11 @@ class Scenario(eqx.Module):
         along the palm and the same along the hand's axis. Where the first limb leans in, the circle
         is shifted along the palm so as to stay as far from it.
         """
-        return _start(self.hand, self.body.radius, self.start_spread, draws)
+        return first_centre(self.hand, self.body.radius, self.start_spread, draws)
 
     def corner_start(self) -> Vec:
         """The start closest to the corner at the palm's right end."""
-        return _corner_start(self.hand, self.body.radius, self.start_spread)
-
-    def fit(self) -> Fit:
-        """Whether its starts are where they have to be; for numbers that may be traced."""
-        return _fit(self.hand, self.body.radius, self.start_spread)
-
-
-def _start(hand: HandDesign, radius: Scalar, start_spread: Scalar, draws: Array) -> Vec:
-    left = draws[0] < 0.5
-    spread = start_spread * hand.palm_length
-    side = jnp.where(left, -1.0, 1.0)
-    corner = jnp.where(left, *(_corner_inset(finger[0], radius) for finger in hand.angles))
-    lean = jnp.where(left, *(_lean(finger[0]) for finger in hand.angles))
-    up = draws[2] * spread
-    x = side * (hand.palm_length / 2 - corner - draws[1] * spread - lean * up)
-    return Vec(x, radius + up)
-
-
-def _corner_start(hand: HandDesign, radius: Scalar, start_spread: Scalar) -> Vec:
-    return _start(hand, radius, start_spread, jnp.array([0.9, 0.0, 0.0]))
-
-
-def _corner_inset(angle: Scalar, radius: Scalar) -> Scalar:
-    # The circle's centre lies on the bisector of the corner between palm and first limb.
-    return radius * jnp.tan(angle / 2)
-
-
-def _lean(angle: Scalar) -> Scalar:
-    # How far the first limb comes in for each unit of height; a right angle is none.
-    rise = jnp.sin(angle)
-    leans = (jnp.cos(angle) < -1e-6) & (rise > 0)
-    return jnp.where(leans, -jnp.cos(angle) / jnp.where(leans, rise, 1.0), 0.0)
-
-
-def _fit(hand: HandDesign, radius: Scalar, start_spread: Scalar) -> Fit:
-    corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
-    draws = jnp.array([[[end, *corner] for end in (0.0, 0.9)] for corner in corners])
-    boxes = jax.vmap(jax.vmap(lambda one: _start(hand, radius, start_spread, one)))(draws)
-    boxes = [jax.tree.map(lambda x, k=k: x[k], boxes) for k in range(len(corners))]
-    goal, region = hand.goal(), hand.region()
-    each = jax.vmap(_distance_to_box, (0, None))
-    least = jnp.min(jax.vmap(each, (None, 0))(stacked(hand.limbs()), boxes))
-    crossed = jax.vmap(_distance_to_box, (None, 0))(segment_between(goal.a, goal.b), boxes)
-    outside = jnp.any((crossed <= 0.0) | jnp.logical_not(is_inside(region, boxes[0])))
-    return Fit(least - radius, outside)
+        return corner_centre(self.hand, self.body.radius, self.start_spread)
 
 
 def check_kinds(hand: Any, body: Any, drive: Any, law: Any) -> None:
@@ -179,172 +124,6 @@ def check_kinds(hand: Any, body: Any, drive: Any, law: Any) -> None:
     check_kind("body", body, Body)
     check_kind("drive", drive, Drive)
     check_kind("law", law, ContactLaw)
-
-
-class Fit(eqx.Module):
-    """How the object fits at its starts.
-
-    Attributes:
-        clearance: least distance between the circle and a limb over all starts; negative: it does
-            not fit.
-        outside: whether some start is not inside what limbs and goal line enclose.
-    """
-
-    clearance: Scalar
-    outside: Flag
-
-
-def _distance_to_box(segment: Segment, corners: Sequence[Vec]) -> Scalar:
-    """Distance from a segment to a filled parallelogram; 0 where they meet."""
-    least, cut = jnp.inf, is_inside(corners, segment.start) | is_inside(corners, segment.end)
-    for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
-        edge = segment_between(a, b)
-        for distance in (
-            segment.distance(a),
-            edge.distance(segment.start),
-            edge.distance(segment.end),
-        ):
-            least = jnp.minimum(least, distance)
-        cut = cut | cut_through(segment, edge)
-    return jnp.where(cut, 0.0, least)
-
-
-class Geometry(eqx.Module):
-    """What is checked of a scenario before it is run, and where things are.
-
-    Attributes:
-        fit: of the object at its starts.
-        gap: the narrowest passage out of the hand, a length.
-        crossings: for each pair of limbs that do not share a joint, whether they cross.
-        faces: whether finger 1's fingertip is on the left of finger 2's.
-        blocked: whether a limb cuts through the goal line.
-        limbs, goal: of the hand.
-        passage: the points of finger 1 and finger 2 that are closest to each other.
-        start: the start closest to the corner at the palm's right end.
-    """
-
-    fit: Fit
-    gap: Scalar
-    crossings: dict[tuple[str, str], Flag]
-    faces: Flag
-    blocked: Flag
-    limbs: tuple[Segment, ...]
-    goal: Goal
-    passage: tuple[Vec, Vec]
-    start: Vec
-
-
-@compiled_quickly
-def _geometry(hand: HandDesign, radius: Scalar, start_spread: Scalar) -> Geometry:
-    """All of it as one program: function by function it would be fifty. It is of the hand and two
-    numbers alone, so that bodies, drives and laws share it."""
-    return Geometry(
-        _fit(hand, radius, start_spread),
-        hand.gap(),
-        hand.crossings(),
-        hand.faces(),
-        hand.blocked_goal(),
-        hand.limbs(),
-        hand.goal(),
-        hand.narrowest_passage(),
-        _corner_start(hand, radius, start_spread),
-    )
-
-
-def is_hand(hand: HandDesign, directions: Sequence[str]) -> Flag:
-    """Whether a hand is one in these directions: no limbs cross, the fingertips face each other
-    across a free goal line, and it has EoEn if that is asked for. The numbers may be traced."""
-    seen = {"does": hand}
-    if "eoen" in directions:
-        seen["eoen"] = hand.with_fingertips_mirrored()
-    good = jnp.asarray(True)
-    for direction in directions:
-        one = seen[direction]
-        crossed = jnp.any(jnp.array(list(one.crossings().values())))
-        good = good & one.faces() & jnp.logical_not(one.blocked_goal() | crossed)
-    return good & same_gap(hand.gap(), seen[directions[-1]].gap())
-
-
-def fits(scenario: Scenario) -> Flag:
-    """Whether the object fits at its starts, and they are inside the hand; may be traced."""
-    fit = scenario.fit()
-    return (fit.clearance >= _slack(scenario)) & jnp.logical_not(fit.outside)
-
-
-def _slack(scenario: Scenario) -> Scalar:
-    return -1e-9 * scenario.hand.palm_length
-
-
-def check_geometry(scenario: Scenario) -> float:
-    """Checks a scenario whose numbers are concrete and returns the hand's gap.
-
-    Raises:
-        ValueError: limbs that cross each other or the palm, fingertips that have swapped sides, a
-            limb that cuts the goal line, an object that does not fit at one of its starts, or a
-            start that is not inside what limbs and goal line enclose.
-    """
-    found = geometry_of(scenario)
-    for (a, b), crossed in found.crossings.items():
-        if crossed:
-            raise ValueError(
-                f"{b} crosses {a}: limbs may touch but not cross; shorten it or change its angle"
-            )
-    if not found.faces:
-        raise ValueError(
-            "the fingertips have swapped sides: finger 1's has to stay on the left of finger 2's "
-            "for there to be a gap between them; shorten a limb or change a joint angle"
-        )
-    if found.blocked:
-        raise ValueError(
-            "a limb cuts the goal line between the fingertips, so nothing tells inside from "
-            "outside; shorten it or change a joint angle"
-        )
-    if found.fit.clearance < _slack(scenario):
-        raise ValueError(
-            f"the {scenario.body.noun} {float(scenario.body.radius):g} does not fit at its start "
-            f"near the palm's ends (it overlaps a limb by {-found.fit.clearance:.3g}): "
-            + _advice(scenario)
-        )
-    if found.fit.outside:
-        raise ValueError(
-            "the object would start beyond the goal line, outside of what the hand encloses: "
-            + _advice(scenario)
-        )
-    return float(found.gap)
-
-
-def geometry_of(scenario: Scenario) -> Geometry:
-    """What a scenario looks like whose numbers are concrete, in 64 bits."""
-    return _seen(scenario.hand, scenario.body.radius, scenario.start_spread)
-
-
-def _seen(hand: HandDesign, radius: Scalar, start_spread: Scalar) -> Geometry:
-    with jax.enable_x64(True):
-        return jax.device_get(_geometry(*jax.tree.map(float, (hand, radius, start_spread))))
-
-
-def _advice(scenario: Scenario) -> str:
-    """What would let the object start inside the hand, found by trying."""
-
-    def starts(spread: float, shrunk: float = 1.0) -> bool:
-        body = scenario.body if shrunk == 1.0 else scenario.body.scaled(shrunk)
-        other = replace(scenario, body=body, start_spread=spread)
-        fit = geometry_of(other).fit
-        return bool(fit.clearance >= _slack(other) and not fit.outside)
-
-    spread = float(scenario.start_spread)
-    tried = [spread * (1 - k / 20) for k in range(1, 21)]
-    fitting = next((share for share in tried if starts(share)), None)
-    if fitting is not None:
-        return f"start_spread (now {spread:g}) has to be {fitting:.3g} or less"
-    if starts(0.0, 1e-3):
-        return "take a smaller object, and a smaller start_spread; start_spread alone does not help"
-    return "change the joint angles; no object and no start_spread would do"
-
-
-def gap_of(scenario: Scenario) -> float:
-    """The hand's gap, for a scenario whose numbers are concrete."""
-    return float(geometry_of(scenario).gap)
 
 
 def does(
@@ -405,7 +184,9 @@ def why_no_eoen(hand: HandDesign) -> str:
         return "with one limb a finger only the palm is left to confine an object outside"
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(hand)):
         return ""
-    inside, outside = (_seen(one, 0.0, 0.0) for one in (hand, hand.with_fingertips_mirrored()))
+    inside, outside = (
+        geometry_of_hand(one, 0.0, 0.0) for one in (hand, hand.with_fingertips_mirrored())
+    )
     gap, mirrored = inside.gap, outside.gap
     for (a, b), crossed in outside.crossings.items():
         if crossed:
@@ -416,11 +197,6 @@ def why_no_eoen(hand: HandDesign) -> str:
             f"so that the gap is {gap:.4g} for escaping and would be {mirrored:.4g} for entering"
         )
     return ""
-
-
-def same_gap(gap: Any, other: Any) -> Any:
-    """Whether two gaps are the same number, but for rounding."""
-    return abs(gap - other) <= 1e-9 * (gap + other)
 
 
 def usual_max_steps(body: Body, drive: Drive) -> int:

@@ -8,7 +8,8 @@ import numpy as np
 
 from pcjax.geometry import Vec
 from pcjax.model.bodies.base import placed_outline
-from pcjax.model.scenario import Scenario, geometry_of
+from pcjax.model.checking import geometry_of
+from pcjax.model.scenario import Scenario
 
 
 def places_of(scenarios: Sequence[Scenario]) -> tuple[dict[str, np.ndarray], float]:

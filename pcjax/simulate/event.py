@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from pcjax.geometry import Scalar
-from pcjax.model.scenario import Scenario, World, gap_of
+from pcjax.model.checking import gap_of
+from pcjax.model.scenario import Scenario, World
 from pcjax.physics.contact.circle import move_circle
 from pcjax.physics.contact.table import registered_contact
 from pcjax.physics.state import INVALID, RUNNING

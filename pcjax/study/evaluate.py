@@ -12,10 +12,11 @@ import xarray as xr
 
 from pcjax.checks import check_count
 from pcjax.model.bodies.base import Body
+from pcjax.model.checking import check_geometry
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.base import Drive
 from pcjax.model.hand import HandDesign, full_cage
-from pcjax.model.scenario import Scenario, check_geometry
+from pcjax.model.scenario import Scenario
 from pcjax.physics.state import INVALID
 from pcjax.results.estimates import counts_of, indices_of, rows_of
 from pcjax.results.evaluation import Evaluation

@@ -9,8 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from pcjax.model.checking import check_geometry
 from pcjax.model.hand import full_cage, points_of
-from pcjax.model.scenario import DIRECTIONS, Scenario, check_geometry, why_no_eoen
+from pcjax.model.scenario import DIRECTIONS, Scenario, why_no_eoen
 from pcjax.results.schema import NAMES
 from pcjax.results.tables import engines_text, wrapped
 from pcjax.simulate.choose import choose_engine

@@ -9,7 +9,8 @@ from typing import Any
 import jax
 
 from pcjax.checks import check_count
-from pcjax.model.scenario import Scenario, check_geometry
+from pcjax.model.checking import check_geometry
+from pcjax.model.scenario import Scenario
 from pcjax.simulate.batch import run
 from pcjax.simulate.choose import choose_engine
 from pcjax.simulate.engine import Engine

@@ -28,7 +28,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle as Disc
 
 from pcjax.checks import check_between
-from pcjax.model.scenario import Scenario, check_geometry, usual_max_steps
+from pcjax.model.checking import check_geometry
+from pcjax.model.scenario import Scenario, usual_max_steps
 from pcjax.physics.state import INVALID, PASSED
 from pcjax.progress import progress_bar
 from pcjax.simulate.replay import Frames, Recording, pick_trial, record

@@ -1,0 +1,107 @@
+"""What is checked of a scenario before it is run: whether its hand is one, and the object fits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import jax.numpy as jnp
+
+from pcjax.geometry import (
+    Flag,
+    Scalar,
+)
+from pcjax.model.hand import HandDesign
+from pcjax.model.layout import Geometry, fit_of, geometry_of_hand, same_gap
+from pcjax.model.scenario import Scenario
+
+
+def is_hand(hand: HandDesign, directions: Sequence[str]) -> Flag:
+    """Whether a hand is one in these directions: no limbs cross, the fingertips face each other
+    across a free goal line, and it has EoEn if that is asked for. The numbers may be traced."""
+    seen = {"does": hand}
+    if "eoen" in directions:
+        seen["eoen"] = hand.with_fingertips_mirrored()
+    good = jnp.asarray(True)
+    for direction in directions:
+        one = seen[direction]
+        crossed = jnp.any(jnp.array(list(one.crossings().values())))
+        good = good & one.faces() & jnp.logical_not(one.blocked_goal() | crossed)
+    return good & same_gap(hand.gap(), seen[directions[-1]].gap())
+
+
+def fits(scenario: Scenario) -> Flag:
+    """Whether the object fits at its starts, and they are inside the hand; may be traced."""
+    fit = fit_of(scenario.hand, scenario.body.radius, scenario.start_spread)
+    return (fit.clearance >= _slack(scenario)) & jnp.logical_not(fit.outside)
+
+
+def _slack(scenario: Scenario) -> Scalar:
+    return -1e-9 * scenario.hand.palm_length
+
+
+def check_geometry(scenario: Scenario) -> float:
+    """Checks a scenario whose numbers are concrete and returns the hand's gap.
+
+    Raises:
+        ValueError: limbs that cross each other or the palm, fingertips that have swapped sides, a
+            limb that cuts the goal line, an object that does not fit at one of its starts, or a
+            start that is not inside what limbs and goal line enclose.
+    """
+    found = geometry_of(scenario)
+    for (a, b), crossed in found.crossings.items():
+        if crossed:
+            raise ValueError(
+                f"{b} crosses {a}: limbs may touch but not cross; shorten it or change its angle"
+            )
+    if not found.faces:
+        raise ValueError(
+            "the fingertips have swapped sides: finger 1's has to stay on the left of finger 2's "
+            "for there to be a gap between them; shorten a limb or change a joint angle"
+        )
+    if found.blocked:
+        raise ValueError(
+            "a limb cuts the goal line between the fingertips, so nothing tells inside from "
+            "outside; shorten it or change a joint angle"
+        )
+    if found.fit.clearance < _slack(scenario):
+        raise ValueError(
+            f"the {scenario.body.noun} {float(scenario.body.radius):g} does not fit at its start "
+            f"near the palm's ends (it overlaps a limb by {-found.fit.clearance:.3g}): "
+            + _advice(scenario)
+        )
+    if found.fit.outside:
+        raise ValueError(
+            "the object would start beyond the goal line, outside of what the hand encloses: "
+            + _advice(scenario)
+        )
+    return float(found.gap)
+
+
+def geometry_of(scenario: Scenario) -> Geometry:
+    """What a scenario looks like whose numbers are concrete, in 64 bits."""
+    return geometry_of_hand(scenario.hand, scenario.body.radius, scenario.start_spread)
+
+
+def _advice(scenario: Scenario) -> str:
+    """What would let the object start inside the hand, found by trying."""
+
+    def starts(spread: float, shrunk: float = 1.0) -> bool:
+        body = scenario.body if shrunk == 1.0 else scenario.body.scaled(shrunk)
+        other = replace(scenario, body=body, start_spread=spread)
+        fit = geometry_of(other).fit
+        return bool(fit.clearance >= _slack(other) and not fit.outside)
+
+    spread = float(scenario.start_spread)
+    tried = [spread * (1 - k / 20) for k in range(1, 21)]
+    fitting = next((share for share in tried if starts(share)), None)
+    if fitting is not None:
+        return f"start_spread (now {spread:g}) has to be {fitting:.3g} or less"
+    if starts(0.0, 1e-3):
+        return "take a smaller object, and a smaller start_spread; start_spread alone does not help"
+    return "change the joint angles; no object and no start_spread would do"
+
+
+def gap_of(scenario: Scenario) -> float:
+    """The hand's gap, for a scenario whose numbers are concrete."""
+    return float(geometry_of(scenario).gap)
