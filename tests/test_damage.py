@@ -26,7 +26,7 @@ import pcjax.results.netcdf
 import pcjax.sweep.plan
 from pcjax.cli import main
 from pcjax.cli.compilation_cache import SealedCache
-from pcjax.design.optimize import Progress, Step, _keep, _load
+from pcjax.design.checkpoint import Progress, Step, keep_progress, load_progress
 from pcjax.results.files import locked, unsealed
 from pcjax.results.provenance import conditions, provenance
 from pcjax.results.reading import load_dataset
@@ -403,9 +403,9 @@ STATE = replace(
 
 def test_a_damaged_checkpoint_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "state.json"
-    _keep(path, "told", STATE)
+    keep_progress(path, "told", STATE)
     found = damaged(
-        path, lambda: _load(path, "told", BLANK), lambda state: repr(state) == repr(STATE)
+        path, lambda: load_progress(path, "told", BLANK), lambda state: repr(state) == repr(STATE)
     )
     assert not found["other"]
     assert found["refused"] > 0.7 * MUTATIONS
@@ -426,7 +426,7 @@ def test_what_is_no_checkpoint_is_refused(text: str, tmp_path: Path) -> None:
     path = tmp_path / "state.json"
     path.write_text(text)
     with pytest.raises(ValueError, match=r"state.json is no checkpoint of an optimisation"):
-        _load(path, "told", BLANK)
+        load_progress(path, "told", BLANK)
 
 
 @pytest.mark.parametrize(
@@ -445,9 +445,9 @@ def test_a_checkpoint_with_what_cannot_be_is_refused(
     changed: dict[str, Any], tmp_path: Path
 ) -> None:
     path = tmp_path / "state.json"
-    _keep(path, "told", replace(STATE, **changed))
+    keep_progress(path, "told", replace(STATE, **changed))
     with pytest.raises(ValueError, match=r"state.json is no checkpoint"):
-        _load(path, "told", BLANK)
+        load_progress(path, "told", BLANK)
 
 
 # ------------------------------------------------------------------------------------- programs

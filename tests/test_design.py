@@ -16,11 +16,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pcjax.design.checkpoint import Step
 from pcjax.design.compare import compare
 from pcjax.design.gradients import Estimator, Gradient
-from pcjax.design.optimize import Settings, Step, at_rest, optimize, starting_designs
+from pcjax.design.optimize import Settings, at_rest, optimize
 from pcjax.design.search import search_grid
 from pcjax.design.space import DesignSpace, design_space, nearest_within
+from pcjax.design.starts import starting_designs
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.hand import HandDesign

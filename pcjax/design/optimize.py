@@ -7,14 +7,12 @@ have never seen.
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import time
-import warnings
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,25 +20,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from jaxtyping import Float
 
 from pcjax.checks import check_between, check_count, check_kind
+from pcjax.design.checkpoint import Progress, Step, keep_progress, load_progress
 from pcjax.design.compare import compare, compare_hands
 from pcjax.design.gradients import Differences, Estimator, Gradient
-from pcjax.design.space import DesignSpace
-from pcjax.model.checking import check_geometry
+from pcjax.design.space import Design, DesignSpace
+from pcjax.design.starts import Start, given_start, starting_designs
 from pcjax.model.hand import HandDesign
 from pcjax.progress import progress_bar
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate
-from pcjax.results.files import digest, locked, read_plain
-from pcjax.results.saving import save_text
-from pcjax.words import InputWarning
+from pcjax.results.files import locked
 
 _REST = 0.15
 """How far, in the parameters' scales, a design at rest moves at most from window to window."""
-
-Design = Float[np.ndarray, " parameters"]
 
 _CHECKPOINT, _CHOICE, _ACCEPTANCE = 0x10000000, 0x20000000, 0x30000000
 """Added to the seed for the exact checkpoints, the choice among starts, and the acceptance."""
@@ -87,64 +81,6 @@ class Settings:
         check_count("check_trials", self.check_trials, 2, 2**24)
         check_count("accept_trials", self.accept_trials, 2, 2**24)
         check_count("seed", self.seed, 0, 2**28 - 1)
-
-
-@dataclass
-class Step:
-    """One iteration of one start: where it was and what it saw; with `exact`, a checkpoint."""
-
-    design: list[float]
-    value: float
-    value_se: float
-    gradient: list[float]
-    gradient_se: list[float]
-    exact: float | None = None
-    exact_se: float | None = None
-
-
-@dataclass
-class Progress:
-    """Where an optimisation is, as the checkpoint file keeps it.
-
-    Attributes:
-        history: the steps of each start.
-        designs: where each start is now.
-        state: optax's numbers for each start.
-        trials, seconds: spent so far.
-        invalid: trials that went wrong, and were left out.
-        stopped: which starts have come to rest.
-    """
-
-    history: list[list[Step]]
-    designs: list[list[float]]
-    state: list[list[Any]]
-    trials: int = 0
-    seconds: float = 0.0
-    invalid: int = 0
-    stopped: list[bool] = field(default_factory=list)
-
-    @property
-    def iteration(self) -> int:
-        """Iterations done."""
-        return max((len(steps) for steps in self.history), default=0)
-
-
-@dataclass(frozen=True)
-class Start:
-    """What the result of a search is compared with.
-
-    Attributes:
-        hand: the given one, allowed or not; where it cannot be evaluated, the one that the search
-            begins at.
-        design: its parameters.
-        moved: whether it is the latter.
-        notes: what is wrong with the given hand, a line each.
-    """
-
-    hand: HandDesign
-    design: Design
-    moved: bool = False
-    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -250,7 +186,7 @@ def optimize(
     interrupted = False
     with nullcontext() if path is None else locked(path):
         if path is not None and os.path.lexists(path):
-            state = _load(path, fingerprint, state)
+            state = load_progress(path, fingerprint, state)
         bar = progress_bar(
             total=settings.iterations,
             initial=state.iteration,
@@ -263,7 +199,7 @@ def optimize(
                 while state.iteration < settings.iterations and not all(state.stopped):
                     state = _iterate(state, surrogate, space, settings, estimator, rule)
                     if path is not None:
-                        _keep(path, fingerprint, state)
+                        keep_progress(path, fingerprint, state)
                     bar.update()
                     last = [steps[-1] for steps in state.history]
                     bar.set_postfix_str(f"score {math.exp(max(s.value for s in last)):.4g}")
@@ -286,49 +222,6 @@ def _looking_wide(estimator: Estimator, settings: Settings, iteration: int) -> E
     """The estimator for an iteration: differences reach farther at the beginning."""
     left = max(0.0, 1.0 - 2.0 * iteration / settings.iterations)
     return estimator.reaching(settings.wide**left)
-
-
-def starting_designs(space: DesignSpace, count: int, seed: int) -> list[Design]:
-    """The base hand's design and others spread over the space (Sobol), all allowed.
-
-    Raises:
-        ValueError: no allowed design was found.
-    """
-    first = space.nearest_allowed(space.design_of(space.base))
-    if count == 1:
-        return [first]
-    from scipy.stats import qmc  # takes more than a second to import
-
-    draws = qmc.Sobol(len(space.free), rng=seed).random_base2((count - 1).bit_length())
-    spread = space.low + draws[: count - 1] * (space.high - space.low)
-    return [first, *(space.nearest_allowed(design, first) for design in spread)]
-
-
-def given_start(surrogate: Surrogate, space: DesignSpace, begun: Design) -> Start:
-    """What a search that begins at `begun` is compared with: the base hand, if it can be evaluated.
-
-    Warns the caller of the function that calls this if that hand is not allowed.
-    """
-    where = f"the search begins at {space.describe(begun)}"
-    try:
-        for scenario in surrogate.task.scenarios(space.base):
-            check_geometry(scenario)
-    except ValueError as error:
-        note = (
-            f"the given hand cannot be evaluated ({error}): {where}, and the result is compared "
-            "with that moved start"
-        )
-        start = Start(space.hand(begun), begun, True, (note,))
-    else:
-        wrong = "; ".join(space.objections())
-        note = (
-            f"the given hand is not an allowed one ({wrong}): {where}, and the result is compared "
-            "with the hand given"
-        )
-        start = Start(space.base, space.design_of(space.base), False, (note,) if wrong else ())
-    for note in start.notes:
-        warnings.warn(note, InputWarning, stacklevel=3)
-    return start
 
 
 def _iterate(
@@ -485,64 +378,3 @@ def _fingerprint(
 ) -> str:
     """Everything that an optimisation depends on, as text."""
     return "\n".join(repr(part) for part in (surrogate, space, settings, estimator))
-
-
-def _keep(path: Path, fingerprint: str, state: Progress) -> None:
-    kept = asdict(state)
-    kept = {"of": fingerprint, "state": kept, "sha256": _seal(kept, fingerprint)}
-    save_text(json.dumps(kept, indent=1) + "\n", path)
-
-
-def _seal(state: Any, fingerprint: str) -> str:
-    return digest(json.dumps(state).encode(), fingerprint)
-
-
-def _load(path: Path, fingerprint: str, blank: Progress) -> Progress:
-    """The state that a file keeps.
-
-    Raises:
-        ValueError: it cannot be read, is damaged, or is another optimisation's.
-    """
-    damaged = ValueError(
-        f"{path} is no checkpoint of an optimisation, or it is damaged: name another file, or "
-        "remove it to begin anew"
-    )
-    content = read_plain(path)
-    try:
-        kept = json.loads(content)
-        of, state, seal = (kept[name] for name in ("of", "state", "sha256"))
-        if seal != _seal(state, of):
-            raise damaged
-        history = [[Step(**step) for step in steps] for steps in state.pop("history")]
-        found = Progress(history, **state)
-        fits = of != fingerprint or _can_be(found, blank)
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise damaged from None
-    if of != fingerprint:
-        raise ValueError(
-            f"{path} was kept by an optimisation with other settings: name another file, or "
-            "remove it to begin anew"
-        )
-    if not fits:
-        raise damaged
-    return found
-
-
-def _can_be(found: Progress, blank: Progress) -> bool:
-    """Whether an optimisation that begins with `blank` can come to this state."""
-
-    def shapes(numbers: Any) -> Any:
-        return [np.shape(number) for number in numbers]
-
-    steps = [step for history in found.history for step in history]
-    designs = [*found.designs, *(step.design for step in steps)]
-    return (
-        shapes(designs) == shapes(blank.designs[:1]) * len(designs)
-        and len(found.history) == len(found.designs) == len(blank.designs)
-        and [shapes(numbers) for numbers in found.state] == [shapes(n) for n in blank.state]
-        and len(found.stopped) == len(blank.stopped)
-        and all(isinstance(stopped, bool) for stopped in found.stopped)
-        and all(np.isfinite(np.array(design, float)).all() for design in designs)
-        and all(type(count) is int and count >= 0 for count in (found.trials, found.invalid))
-        and 0 <= found.seconds < math.inf
-    )

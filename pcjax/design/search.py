@@ -15,18 +15,11 @@ import numpy as np
 from jaxtyping import Float
 
 from pcjax.checks import check_between, check_count
+from pcjax.design.checkpoint import Progress, Step
 from pcjax.design.compare import compare, score_all
-from pcjax.design.optimize import (
-    Design,
-    Optimum,
-    Progress,
-    Settings,
-    Step,
-    accept,
-    given_start,
-    starting_designs,
-)
-from pcjax.design.space import DesignSpace
+from pcjax.design.optimize import Optimum, Settings, accept
+from pcjax.design.space import Design, DesignSpace
+from pcjax.design.starts import given_start, starting_designs
 from pcjax.progress import progress_bar
 from pcjax.quality.surrogate import Surrogate
 

@@ -28,6 +28,9 @@ from pcjax.model.checking import is_hand
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import why_no_eoen
 
+Design = Float[np.ndarray, " parameters"]
+"""The values of a space's parameters, in order."""
+
 
 def nearest_within(
     point: Float[np.ndarray, " n"],

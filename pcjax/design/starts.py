@@ -1,0 +1,73 @@
+"""Where a search begins, and what its result is compared with."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+from pcjax.design.space import Design, DesignSpace
+from pcjax.model.checking import check_geometry
+from pcjax.model.hand import HandDesign
+from pcjax.quality.surrogate import Surrogate
+from pcjax.words import InputWarning
+
+
+@dataclass(frozen=True)
+class Start:
+    """What the result of a search is compared with.
+
+    Attributes:
+        hand: the given one, allowed or not; where it cannot be evaluated, the one that the search
+            begins at.
+        design: its parameters.
+        moved: whether it is the latter.
+        notes: what is wrong with the given hand, a line each.
+    """
+
+    hand: HandDesign
+    design: Design
+    moved: bool = False
+    notes: tuple[str, ...] = ()
+
+
+def starting_designs(space: DesignSpace, count: int, seed: int) -> list[Design]:
+    """The base hand's design and others spread over the space (Sobol), all allowed.
+
+    Raises:
+        ValueError: no allowed design was found.
+    """
+    first = space.nearest_allowed(space.design_of(space.base))
+    if count == 1:
+        return [first]
+    from scipy.stats import qmc  # takes more than a second to import
+
+    draws = qmc.Sobol(len(space.free), rng=seed).random_base2((count - 1).bit_length())
+    spread = space.low + draws[: count - 1] * (space.high - space.low)
+    return [first, *(space.nearest_allowed(design, first) for design in spread)]
+
+
+def given_start(surrogate: Surrogate, space: DesignSpace, begun: Design) -> Start:
+    """What a search that begins at `begun` is compared with: the base hand, if it can be evaluated.
+
+    Warns the caller of the function that calls this if that hand is not allowed.
+    """
+    where = f"the search begins at {space.describe(begun)}"
+    try:
+        for scenario in surrogate.task.scenarios(space.base):
+            check_geometry(scenario)
+    except ValueError as error:
+        note = (
+            f"the given hand cannot be evaluated ({error}): {where}, and the result is compared "
+            "with that moved start"
+        )
+        start = Start(space.hand(begun), begun, True, (note,))
+    else:
+        wrong = "; ".join(space.objections())
+        note = (
+            f"the given hand is not an allowed one ({wrong}): {where}, and the result is compared "
+            "with the hand given"
+        )
+        start = Start(space.base, space.design_of(space.base), False, (note,) if wrong else ())
+    for note in start.notes:
+        warnings.warn(note, InputWarning, stacklevel=3)
+    return start
