@@ -19,7 +19,8 @@ import jax
 import numpy as np
 from matplotlib.figure import Figure
 
-from pcjax.design.gradients import Differences, Estimator, Gradient, Pathwise, mixed
+from pcjax.design.estimator import Estimator, Gradient
+from pcjax.design.gradients import Differences, Pathwise, mixed
 from pcjax.design.parameters import labelled
 from pcjax.design.space import DesignSpace, design_space
 from pcjax.model.bodies.circle import Circle

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from pcjax.design.checkpoint import Step
 from pcjax.design.compare import compare
-from pcjax.design.gradients import Estimator, Gradient
+from pcjax.design.estimator import Estimator, Gradient
 from pcjax.design.optimize import Settings, at_rest, optimize
 from pcjax.design.search import search_grid
 from pcjax.design.space import DesignSpace, design_space, nearest_within

@@ -14,7 +14,8 @@ import pytest
 from scipy.stats import chi2
 
 from pcjax.compiling import compiled_quickly
-from pcjax.design.gradients import Differences, Gradient, Mixture, Pathwise, differentiable_score
+from pcjax.design.estimator import Gradient
+from pcjax.design.gradients import Differences, Mixture, Pathwise, differentiable_score
 from pcjax.design.space import DesignSpace, design_space
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.bodies.stick import Stick

@@ -32,7 +32,8 @@ from pcjax.cli.parts import (
     settle_outputs,
     whole,
 )
-from pcjax.design.gradients import Differences, Estimator, Mixture, Pathwise
+from pcjax.design.estimator import Estimator
+from pcjax.design.gradients import Differences, Mixture, Pathwise
 from pcjax.design.map import score_name
 from pcjax.design.optimize import Optimum, Settings, optimize
 from pcjax.design.parameters import labelled

@@ -11,11 +11,9 @@ estimators by their variances.
 
 from __future__ import annotations
 
-import math
 import os
 import time
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, NoReturn
@@ -27,6 +25,7 @@ from jaxtyping import Array, Float, Integer
 from scipy.linalg import hadamard
 
 from pcjax.checks import check_between, check_count
+from pcjax.design.estimator import Designs, Estimator, Gradient, gradient_from
 from pcjax.design.space import DesignSpace
 from pcjax.geometry import Scalar
 from pcjax.quality.surrogate import Surrogate
@@ -36,61 +35,6 @@ DIRECTIONS = ("axial", "factorial", "gaussian")
 
 _OTHER = 0x5BD1E995
 """Tells the seeds of a mixture's two estimators apart."""
-
-
-Numbers = Array | np.ndarray | Sequence[float]
-
-
-@dataclass(frozen=True)
-class Gradient:
-    """An estimate of the surrogate's logarithm and of its derivative.
-
-    Attributes:
-        value, value_se: the logarithm of the score at the design.
-        gradient: per unit of each parameter.
-        covariance: of the gradient.
-        parts, parts_se: the derivatives of each direction's own logarithm; the gradient is that of
-            DoEs less that of EoEn.
-        largest_share: of the squared deviations of the noisiest component, the largest trial's
-            share; above 0.05 the standard errors are not to be trusted.
-        trials: simulated, all hands and directions together.
-        seconds: wall time.
-        invalid: trials of a hand and direction that went wrong, and are left out.
-    """
-
-    value: float
-    value_se: float
-    gradient: Float[np.ndarray, " parameters"]
-    covariance: Float[np.ndarray, "parameters parameters"]
-    parts: Float[np.ndarray, "directions parameters"]
-    parts_se: Float[np.ndarray, "directions parameters"]
-    largest_share: float
-    trials: int
-    seconds: float
-    invalid: int = 0
-
-    @property
-    def se(self) -> Float[np.ndarray, " parameters"]:
-        """Standard errors of the gradient."""
-        return np.sqrt(np.diag(self.covariance))
-
-
-Designs = Sequence[Float[np.ndarray, " parameters"]]
-
-
-class Estimator(ABC):
-    """How gradients are estimated, at one design or several, all on the same trials."""
-
-    @abstractmethod
-    def __call__(
-        self, surrogate: Surrogate, space: DesignSpace, designs: Designs, seed: int
-    ) -> list[Gradient]:
-        """The gradients at some designs; trial i depends on (seed, i) alone."""
-
-    def reaching(self, factor: float) -> Estimator:
-        """The estimator that looks that many times as far around a design; unless it says
-        otherwise it looks at no other design, and is the same."""
-        return self
 
 
 @dataclass(frozen=True)
@@ -169,7 +113,7 @@ class Differences(Estimator):
             pick[1:, 1 + len(moves) :] = -weights
             parts, each_influence = pick @ values[mine], pick @ influences[:, mine]
             gradients.append(
-                _gradient(
+                gradient_from(
                     surrogate,
                     parts.T,
                     each_influence,
@@ -272,35 +216,6 @@ def differentiable_score(
     return lambda design, seed: score(jnp.asarray(design, float), jnp.asarray(seed, jnp.uint32))
 
 
-def _gradient(
-    surrogate: Surrogate,
-    parts: Float[np.ndarray, "directions numbers"],
-    influences: Float[np.ndarray, "directions numbers trials"],
-    *,
-    trials: int,
-    seconds: float,
-    invalid: int,
-) -> Gradient:
-    """From each direction's logarithm and its derivatives, and what each trial adds to them."""
-    signs = surrogate.signs
-    estimate, influence = signs @ parts, np.einsum("d,dpn->pn", signs, influences)
-    count = influence.shape[1]
-    covariance = influence @ influence.T / (count * (count - 1))
-    parts_se = np.sqrt((influences**2).sum(axis=-1) / (count * (count - 1)))
-    return Gradient(
-        float(estimate[0]),
-        math.sqrt(covariance[0, 0]),
-        estimate[1:],
-        covariance[1:, 1:],
-        parts[:, 1:],
-        parts_se[:, 1:],
-        largest_share(influence[1:]),
-        trials,
-        seconds,
-        invalid,
-    )
-
-
 @dataclass(frozen=True)
 class Pathwise(Estimator):
     """The mean of each trial's own derivative, in forward mode through all its steps.
@@ -365,7 +280,7 @@ class Pathwise(Estimator):
         influences = np.concatenate(
             [deviations[:, None], own - own.mean(axis=-1, keepdims=True)], axis=1
         )
-        return _gradient(
+        return gradient_from(
             surrogate,
             np.concatenate([value[:, None], own.mean(axis=-1)], axis=1),
             influences,
@@ -436,10 +351,3 @@ def open_reach(
         if all(space.open(design + sign * factor * m, 0.5) for m in moves for sign in (1, -1)):
             return float(factor)
     raise ValueError("the hand is closed, or as good as closed: there is no way to move from it")
-
-
-def largest_share(influence: Float[np.ndarray, "components trials"]) -> float:
-    """The largest trial's share of the squared deviations, in the worst component."""
-    squares = influence**2
-    totals = squares.sum(axis=1)
-    return float(np.max(squares.max(axis=1) / np.where(totals > 0, totals, 1.0)))

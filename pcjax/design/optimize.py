@@ -24,7 +24,8 @@ import optax
 from pcjax.checks import check_between, check_count, check_kind
 from pcjax.design.checkpoint import Progress, Step, keep_progress, load_progress
 from pcjax.design.compare import compare, compare_hands
-from pcjax.design.gradients import Differences, Estimator, Gradient
+from pcjax.design.estimator import Estimator, Gradient
+from pcjax.design.gradients import Differences
 from pcjax.design.space import Design, DesignSpace
 from pcjax.design.starts import Start, given_start, starting_designs
 from pcjax.model.hand import HandDesign
