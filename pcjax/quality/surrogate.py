@@ -39,10 +39,9 @@ from pcjax.model.drives.base import Drive
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import DIRECTIONS, Scenario
 from pcjax.physics.state import INVALID, PAPER_DT
+from pcjax.quality.cloud import settled_cloud
 from pcjax.simulate.batch import LaneEngine, run
 from pcjax.simulate.choose import engine_for
-from pcjax.simulate.cloud import Cloud
-from pcjax.simulate.draws import period_draws, trial_key
 from pcjax.simulate.lanes import Lanes
 from pcjax.simulate.outcomes import LIMIT
 from pcjax.simulate.relaxation import Layer, relaxed_survival
@@ -275,7 +274,9 @@ class Surrogate:
         values, wrong = [], []
         steps = ROLLED * round(self.task.drive.period / PAPER_DT)
         for k, scenario in enumerate(self.task.scenarios(base)):
-            cloud = self.cloud(scenario, seed)
+            cloud = settled_cloud(
+                scenario, trials=self.trials, burn_in=self.burn_in, seed=seed, dt=self.dt
+            )
             mine = [scenarios[k] for scenarios in each]
             out = run(
                 mine,
@@ -290,49 +291,6 @@ class Surrogate:
             values.append(np.stack(ends, axis=1))
             wrong.append(out.status == INVALID)
         return np.stack(values, axis=1), np.concatenate(wrong)
-
-    def cloud(self, scenario: Scenario, seed: int) -> Cloud:
-        """Places of `trials` objects that are still in the hand after the burn-in.
-
-        Raises:
-            ValueError: hardly anything stays in the hand that long.
-        """
-        engine = engine_for([scenario], self.dt, LaneEngine)
-        steps = self.burn_in * round(scenario.drive.period / PAPER_DT)
-        places, draws, tried = [], [], 0
-        while sum(map(len, places)) < self.trials:
-            out = run(
-                [scenario],
-                trials=self.trials,
-                max_steps=steps,
-                seed=(seed + tried) % 2**32,
-                engine=engine,
-                keep_final=True,
-            )
-            assert out.final is not None
-            stay = np.flatnonzero(out.status[0] == LIMIT)
-            places.append(out.final[0, stay])
-            draws.append(
-                _last_draws(
-                    (seed + tried) % 2**32,
-                    stay,
-                    self.burn_in - 1,
-                    scenario.drive.targets_per_period,
-                )
-            )
-            tried += 1
-            if tried == 20:
-                raise ValueError(
-                    f"too few objects stay in the hand for {self.burn_in} periods to make a cloud "
-                    "of: take form 'horizon', or a shorter burn-in"
-                )
-        count = self.trials
-        hands = jax.tree.map(lambda leaf: np.full(count, leaf, np.float32), scenario.hand)
-        return Cloud(
-            jnp.asarray(np.concatenate(places)[:count], np.float32),
-            jnp.asarray(np.concatenate(draws)[:count], np.float32),
-            hands,
-        )
 
     def traced_values(
         self,
@@ -449,16 +407,3 @@ def _judge(
 @functools.partial(jax.jit, static_argnums=1)
 def _layer_widths(hands: HandDesign, share: float) -> Array:
     return jax.vmap(lambda hand: jnp.asarray(Layer.of(hand.channel(), share).width))(hands)
-
-
-@functools.partial(jax.jit, static_argnums=(2, 3))
-def _draws_of(seed: Array, trials: Array, period: int, count: int) -> Array:
-    return jax.vmap(lambda trial: period_draws(trial_key(seed, trial), period, count))(trials)
-
-
-def _last_draws(seed: int, trials: np.ndarray, period: int, count: int) -> np.ndarray:
-    # Of a few sizes only, so that they compile once.
-    size = 1 << max(len(trials) - 1, 1).bit_length()
-    padded = np.zeros(size, np.int32)
-    padded[: len(trials)] = trials
-    return np.asarray(_draws_of(np.uint32(seed), padded, period, count))[: len(trials)]
