@@ -22,7 +22,8 @@ from pcjax.model.bodies.circle import Circle
 from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.presets import box_hand
 from pcjax.paper import constants as paper
-from pcjax.quality.surrogate import Surrogate, Task
+from pcjax.quality.surrogate import Surrogate
+from pcjax.quality.task import Task
 
 _UNSEEN = 777
 _SHARES = (0.25, 0.5, 1.0)

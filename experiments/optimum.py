@@ -32,7 +32,8 @@ from pcjax.model.drives.arm import PlanarArm
 from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.paper import constants as paper
-from pcjax.quality.surrogate import Surrogate, Task
+from pcjax.quality.surrogate import Surrogate
+from pcjax.quality.task import Task
 
 RESULTS = Path(__file__).parent / "results"
 UNSEEN = 777

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from pcjax.physics.state import State
     from pcjax.physics.step import step
     from pcjax.quality.indices import Estimate
-    from pcjax.quality.surrogate import Surrogate, Task
+    from pcjax.quality.surrogate import Surrogate
+    from pcjax.quality.task import Task
     from pcjax.results.evaluation import Evaluation
     from pcjax.simulate.engine import Engine, register_engine
     from pcjax.simulate.stepping import trajectory
@@ -60,7 +61,7 @@ _WHERE = {
     "Study": "pcjax.study.spec",
     "Surrogate": "pcjax.quality.surrogate",
     "Sweep": "pcjax.study.spec",
-    "Task": "pcjax.quality.surrogate",
+    "Task": "pcjax.quality.task",
     "WristTilt": "pcjax.model.drives.wrist",
     "animate": "pcjax.view.animation",
     "box_hand": "pcjax.model.presets",

@@ -29,7 +29,8 @@ from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand
 from pcjax.physics.state import PAPER_DT
 from pcjax.quality.indices import ratio
-from pcjax.quality.surrogate import Surrogate, Task
+from pcjax.quality.surrogate import Surrogate
+from pcjax.quality.task import Task
 from pcjax.words import InputWarning
 
 BOX = box_hand(math.radians(10))

@@ -26,7 +26,8 @@ from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.state import INVALID
-from pcjax.quality.surrogate import Sample, Surrogate, Task
+from pcjax.quality.surrogate import Sample, Surrogate
+from pcjax.quality.task import Task
 from pcjax.simulate.batch import run
 from pcjax.simulate.event import EventDriven
 from pcjax.simulate.lanes import Lanes

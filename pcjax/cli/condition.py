@@ -17,7 +17,7 @@ from pcjax.model.bodies.base import BODIES
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.base import DRIVES
 from pcjax.model.presets import HANDS
-from pcjax.quality.surrogate import Task
+from pcjax.quality.task import Task
 from pcjax.study.read import read_study
 from pcjax.study.spec import Study
 from pcjax.units import UNITS

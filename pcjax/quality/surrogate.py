@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
@@ -31,22 +31,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from pcjax.checks import check_between, check_count, check_kind
+from pcjax.checks import check_between, check_count
 from pcjax.geometry import Scalar
-from pcjax.model.bodies.base import Body
 from pcjax.model.contact import ContactLaw
-from pcjax.model.drives.base import Drive
 from pcjax.model.hand import HandDesign
-from pcjax.model.scenario import DIRECTIONS, Scenario
+from pcjax.model.scenario import Scenario
 from pcjax.physics.state import INVALID, PAPER_DT
 from pcjax.quality.cloud import settled_cloud
+from pcjax.quality.task import Task
 from pcjax.simulate.batch import LaneEngine, run
 from pcjax.simulate.choose import engine_for
 from pcjax.simulate.lanes import Lanes
 from pcjax.simulate.outcomes import LIMIT
 from pcjax.simulate.relaxation import Layer, relaxed_survival
 from pcjax.simulate.rounds import roll
-from pcjax.units import check_units
 
 OBJECTIVES = ("index1", "index2", "escape_rate")
 """What a score can be made of: an index, or the limit-free mean time to escape, 1 / rate."""
@@ -59,58 +57,6 @@ goal needs a while to get there."""
 
 _FRESH = 0x9E3779B9
 """Tells the seed of a cloud's further life from that of its burn-in."""
-
-
-@dataclass(frozen=True)
-class Task:
-    """What a hand has to be good at.
-
-    Arguments:
-        body: the object.
-        drive: what moves the hand.
-        directions: ("does", "eoen") for their ratio, the score, or ("does",) alone.
-        max_steps: limit in steps of 0.001 s.
-        law: contact law.
-        start_spread: of the starts, in palm lengths.
-        units: of lengths (see `pcjax.units`), for labels: no number depends on it.
-
-    Raises:
-        TypeError: a body or drive that is none.
-        ValueError: other directions, a limit that is no positive whole number, or an unknown unit.
-
-    Examples:
-        >>> import pcjax
-        >>> task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 600_000)
-        >>> len(task.scenarios(pcjax.box_hand()))
-        2
-    """
-
-    body: Body
-    drive: Drive
-    directions: tuple[str, ...]
-    max_steps: int
-    law: ContactLaw = field(default_factory=ContactLaw)
-    start_spread: float = 0.1
-    units: str = field(default="model", repr=False)  # so that checkpoints do not depend on it
-
-    def __post_init__(self) -> None:
-        check_units(self.units)
-        check_kind("body", self.body, Body)
-        check_kind("drive", self.drive, Drive)
-        check_kind("law", self.law, ContactLaw)
-        known = [("does",), ("does", "eoen")]
-        if self.directions not in known:
-            raise ValueError(
-                f"directions is {self.directions!r}: it has to be one of {known[0]}, {known[1]}"
-            )
-        check_count("max_steps", self.max_steps, 1, 2**31 - 1)
-
-    def scenarios(self, hand: HandDesign) -> list[Scenario]:
-        """One scenario for each direction."""
-        return [
-            DIRECTIONS[d](hand, self.body, self.drive, self.law, self.start_spread)
-            for d in self.directions
-        ]
 
 
 @dataclass(frozen=True)
