@@ -91,6 +91,6 @@ def judge(world: World, state: State, moved: Motion, safe: Flag) -> State:
         position=where(running, moved.position, state.position),
         velocity=where(running, velocity, state.velocity),
         clock=state.clock + 1,
-        steps=state.steps + running,
+        steps=state.steps + running.astype(state.steps.dtype),
         status=jnp.where(running, verdict, state.status),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from pcjax.geometry import Scalar, runtime_barrier
@@ -44,7 +45,8 @@ def step(scenario: Scenario, profile: Any, state: State, dt: Scalar = PAPER_DT) 
 
 def advance(world: World, profile: Any, state: State, dt: Scalar) -> State:
     """`step` for a scenario whose kinematics have been worked out by `Scenario.world`."""
-    free = world.drive.fly(profile, state.position, state.velocity, state.clock * dt, dt)
+    time = jnp.asarray(state.clock, jnp.result_type(dt)) * dt
+    free = world.drive.fly(profile, state.position, state.velocity, time, dt)
     return contact_of(world.body)(
         world.body, world, state, free, dt, runtime_barrier(state.clock, dt)
     )

@@ -126,7 +126,7 @@ def leap(world: World, profile: Any, interval: Scalar, flight: Flight) -> Flight
         where(moves, position, flight.position),
         where(moves, velocity, flight.velocity),
         jnp.where(moves, jnp.where(wait < left, flight.time + wait, change), flight.time),
-        flight.leaps + moves,
+        flight.leaps + moves.astype(flight.leaps.dtype),
         jnp.where(moves, verdict, flight.status),
     )
 

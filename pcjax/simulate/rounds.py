@@ -37,7 +37,7 @@ def advance_block(
         drive = scenario.drive
         over = (lane.time >= drive.period) & (lane.period < last_period)
         over = over & (lane.state.status == RUNNING)
-        period = lane.period + over
+        period = lane.period + over.astype(lane.period.dtype)
         key = trial_key(seed, lane.trial)
         fresh = over & (period == 0)
         if start is None:
