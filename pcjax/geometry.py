@@ -16,6 +16,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 Scalar = Float[Array, ""] | float
 Flag = Bool[Array, ""] | bool
+Scalars = Float[Array, "..."] | float
+Integers = Int[Array, "..."]
+"""Fields of what there may be a batch of: one trial's are scalars."""
 T = TypeVar("T")
 
 
@@ -221,12 +224,12 @@ def is_inside(corners: Sequence[Vec], point: Vec) -> Flag:
     return inside
 
 
-def bits(value: Scalar) -> Array:
+def bits(value: Scalar) -> Int[Array, ""]:
     integer = {4: jnp.int32, 8: jnp.int64}[jnp.result_type(value).itemsize]
     return jax.lax.bitcast_convert_type(value, integer)
 
 
-def pick(items: Sequence[T], number: Scalar) -> T:
+def pick(items: Sequence[T], number: Int[Array, ""]) -> T:
     """items[number] for a traced number, as selects; the last one beyond the end."""
 
     def choose(*leaves: Scalar) -> Scalar:

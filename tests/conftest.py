@@ -1,5 +1,5 @@
 """Shared by all tests: one folder of compiled programs for the session, nothing kept in the user's
-folders, 64-bit arithmetic where it is asked."""
+folders, 64-bit arithmetic where it is asked, annotations and dtypes taken at their word."""
 
 from __future__ import annotations
 
@@ -8,11 +8,22 @@ import tempfile
 from collections.abc import Iterator
 
 import jax
+import jaxtyping
 import pytest
 
 from pcjax.cli.compilation_cache import VARIABLE, use_compilation_cache
 from pcjax.compiling import QUICKLY
-from pcjax.simulate import workers
+
+# Every function's arguments and results are held against its annotations, shapes included; a whole
+# number is a float, too.
+jaxtyping.install_import_hook(
+    ["pcjax.design", "pcjax.model", "pcjax.physics", "pcjax.quality", "pcjax.simulate"],
+    "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
+)
+
+# No dtype is made another one unasked: not here, and not in the commands that tests run.
+os.environ["JAX_NUMPY_DTYPE_PROMOTION"] = "strict"
+jax.config.update("jax_numpy_dtype_promotion", "strict")
 
 _PROGRAMS = None
 if "PYTEST_XDIST_WORKER" not in os.environ:
@@ -32,6 +43,8 @@ def pytest_unconfigure() -> None:
 def quick_programs() -> Iterator[None]:
     """Compiles the trials of a module in a third of the time, to run for a moment: for what is said
     and written about trials. How they go is tested with the programs that users run."""
+    from pcjax.simulate import workers  # after the hook above
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(workers, "_COMPILER_OPTIONS", {"cpu": QUICKLY})
         workers.advance_for.cache_clear()
@@ -45,6 +58,14 @@ def programs_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", os.environ[VARIABLE])
     monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
     monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
+
+
+@pytest.fixture
+def unchecked() -> Iterator[None]:
+    """Lets a test pass what annotations forbid, as users can."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)
 
 
 @pytest.fixture

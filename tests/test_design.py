@@ -248,9 +248,9 @@ class Bowl(Estimator):
         for design in designs:
             away = (design - self.top) / space.scales
             slope = -0.2 * away / space.scales
-            blank = np.zeros((1, 2))
+            blank, covariance = np.zeros((1, len(slope))), np.eye(len(slope)) * 1e-6
             value = 0.5 - 0.1 * float(away @ away)
-            found.append(Gradient(value, 1e-3, slope, np.eye(2) * 1e-6, blank, blank, 0.0, 10, 0.1))
+            found.append(Gradient(value, 1e-3, slope, covariance, blank, blank, 0.0, 10, 0.1))
         return found
 
 

@@ -9,6 +9,8 @@ import pytest
 
 import pcjax
 
+pytestmark = pytest.mark.usefixtures("unchecked")
+
 HAND, CIRCLE, WRIST = pcjax.box_hand(), pcjax.Circle(25.0), pcjax.WristTilt()
 
 

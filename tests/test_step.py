@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from jax.dtypes import TypePromotionError
+from jaxtyping import TypeCheckError
 from scipy import integrate
 
 from pcjax.compiling import compiled_quickly
@@ -22,6 +24,7 @@ from pcjax.model.drives.wrist import TiltProfile, WristTilt
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
+from pcjax.physics.response import time_since_contact
 from pcjax.physics.state import INVALID, PASSED, RUNNING, State, at_rest
 from pcjax.physics.step import step
 from tests.helpers import roll, strong
@@ -427,3 +430,15 @@ def test_rolling_over_a_limbs_end_converges() -> None:
     ]
     for coarse, fine in itertools.pairwise(errors):
         assert coarse / fine == pytest.approx(2.0, abs=0.2)
+
+
+def test_annotations_and_dtypes_are_checked() -> None:
+    wrong = {
+        "shape": lambda: time_since_contact(jnp.zeros(2), 0.0, 0.0, 1.0),
+        "dtype": lambda: time_since_contact(jnp.asarray(1), 0.0, 0.0, 1.0),
+    }
+    for call in wrong.values():
+        with pytest.raises(TypeCheckError, match="parameter 'inwards'"):
+            call()
+    with pytest.raises(TypePromotionError, match="strict"):
+        jnp.asarray(1) * 0.5

@@ -286,7 +286,8 @@ def _moved(
             for n, leaf in zip(numbers, jax.tree.leaves(like), strict=True)
         ],
     )
-    updates, state = rule.update(jnp.asarray(-way), state)
+    with jax.numpy_dtype_promotion("standard"):  # optax mixes floats and counts
+        updates, state = rule.update(jnp.asarray(-way), state)
     moved = space.nearest_allowed(design + np.asarray(updates) * space.scales, design)
     return list(map(float, moved)), _numbers(state)
 

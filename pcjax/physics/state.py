@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Int
 
-from pcjax.geometry import Flag, Scalar, Vec, where
+from pcjax.geometry import Flag, Integers, Scalar, Scalars, Vec, where
 from pcjax.model.motion import Motion
 from pcjax.model.scenario import World
 
@@ -28,9 +27,9 @@ class Watch(eqx.Module):
         undone: steps in which it stayed where it was (see `meet_limbs_with_stick`).
     """
 
-    penetration: Scalar
-    travel: Scalar
-    undone: Scalar
+    penetration: Scalars
+    travel: Scalars
+    undone: Scalars
 
 
 class State(eqx.Module):
@@ -52,11 +51,11 @@ class State(eqx.Module):
 
     position: Vec
     velocity: Vec
-    clock: Int[Array, ""]
-    steps: Int[Array, ""]
-    status: Int[Array, ""]
-    angle: Scalar
-    spin: Scalar
+    clock: Integers
+    steps: Integers
+    status: Integers
+    angle: Scalars
+    spin: Scalars
     watch: Watch
 
 

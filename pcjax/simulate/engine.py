@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import ClassVar, TypeVar
 
 from pcjax.components import Component, Registry, quantities
 from pcjax.model.scenario import Scenario
@@ -30,6 +30,9 @@ class How:
     workers: int | None
     progress: bool
     cloud: Cloud | None
+
+
+E = TypeVar("E", bound="Engine")
 
 
 class Engine(Component):
@@ -78,7 +81,7 @@ class Engine(Component):
         return None
 
     @classmethod
-    def suited(cls, scenarios: Sequence[Scenario]) -> Self:
+    def suited(cls: type[E], scenarios: Sequence[Scenario]) -> E:
         """With the parameters that accuracy asks for in these scenarios, where none are given."""
         return cls()
 

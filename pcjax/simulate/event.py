@@ -9,6 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Int
 
 from pcjax.geometry import Scalar
 from pcjax.model.checking import gap_of
@@ -81,7 +82,7 @@ class EventDriven(LaneEngine):
 class LeapingProgram(eqx.Module):
     """Leaps, a burst at a time; see `EventDriven`."""
 
-    budget: Scalar
+    budget: Int[Array, ""] | int
     goal_layer: Scalar | None
     burst: int = eqx.field(static=True)
     rounds: int = eqx.field(static=True)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int, Int32
 
 from pcjax.geometry import Vec
 from pcjax.model.scenario import World
-from pcjax.physics.state import PASSED, RUNNING, State, Watch
+from pcjax.physics.state import PASSED, RUNNING, State, at_rest
 from pcjax.simulate.relaxation import Excursion
 
 Numbers = Float[Array, " lanes"]
@@ -44,24 +44,14 @@ class Lanes(NamedTuple):
     def idle(cls, count: int, dtype: type) -> Lanes:
         """Lanes with nothing to do."""
 
-        def real() -> Any:
-            return np.zeros(count, dtype)
+        def zeros(like: Any = 0) -> Any:
+            return np.zeros(count, dtype if isinstance(like, float) else np.int32)
 
-        def whole(value: int = 0, shape: tuple[int, ...] = (count,)) -> Any:
-            return np.full(shape, value, np.int32)
-
-        state = State(
-            position=Vec(real(), real()),
-            velocity=Vec(real(), real()),
-            clock=whole(shape=()),
-            steps=whole(),
-            status=whole(PASSED),
-            angle=real(),
-            spin=real(),
-            watch=Watch(real(), real(), real()),
-        )
-        excursion = Excursion(real(), real(), real())
-        return cls(whole(), whole(), whole(), real(), state, real(), excursion)
+        state = jax.tree.map(zeros, at_rest(Vec(0.0, 0.0)))
+        over = np.full(count, PASSED, np.int32), np.zeros((), np.int32)
+        state = eqx.tree_at(lambda state: (state.status, state.clock), state, over)
+        excursion = jax.tree.map(zeros, Excursion(0.0, 0.0, 0.0))
+        return cls(zeros(), zeros(), zeros(), zeros(0.0), state, zeros(0.0), excursion)
 
     @classmethod
     def fresh(
@@ -77,7 +67,7 @@ class Lanes(NamedTuple):
                 trial=trial,
                 period=idle.period - 1,
                 time=idle.time + np.inf,
-                state=replace(idle.state, status=running),
+                state=eqx.tree_at(lambda state: state.status, idle.state, running),
             ),
         )
 
@@ -87,6 +77,7 @@ def lane_axes(batch: Any) -> Any:
     return jax.tree.map(lambda leaf: 0 if jnp.ndim(leaf) else None, batch)
 
 
+@runtime_checkable
 class Program(Protocol):
     """An engine as it is compiled: a pytree, whose numbers are traced."""
 

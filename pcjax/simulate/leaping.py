@@ -21,12 +21,13 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int
 
 from pcjax.geometry import (
     NEVER,
     Flag,
+    Integers,
     Scalar,
+    Scalars,
     Segment,
     Vec,
     fence,
@@ -67,9 +68,9 @@ class Flight(eqx.Module):
 
     position: Vec
     velocity: Vec
-    time: Scalar
-    leaps: Int[Array, ""]
-    status: Int[Array, ""]
+    time: Scalars
+    leaps: Integers
+    status: Integers
 
 
 class Support(eqx.Module):

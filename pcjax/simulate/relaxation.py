@@ -15,8 +15,9 @@ from __future__ import annotations
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Int
 
-from pcjax.geometry import Scalar, Vec, first_root, unit_and_length
+from pcjax.geometry import Scalar, Scalars, Vec, first_root, unit_and_length
 from pcjax.model.hand import Channel, Goal, channel_between
 from pcjax.model.scenario import World
 from pcjax.physics.state import PASSED, RUNNING
@@ -38,16 +39,16 @@ class Excursion(eqx.Module):
         survival_time: the integral of the relaxed survival over time, s.
     """
 
-    peak: Scalar
-    first_peak: Scalar
-    survival_time: Scalar
+    peak: Scalars
+    first_peak: Scalars
+    survival_time: Scalars
 
 
 class Layer(eqx.Module):
     """Where the goal is spread: the channel, and the half width w."""
 
     channel: Channel
-    width: Scalar
+    width: Scalars
 
     @classmethod
     def of(cls, channel: Channel, share: Scalar) -> Layer:
@@ -124,7 +125,7 @@ class Layer(eqx.Module):
         counts = self.channel.holds(point) | (peak > 0)
         return jnp.where(counts, jnp.maximum(peak, past), peak)
 
-    def verdict(self, status: Scalar, excursion: Excursion) -> Scalar:
+    def verdict(self, status: Int[Array, ""], excursion: Excursion) -> Int[Array, ""]:
         """A trial's status: it ends once it is past the last line of the layer."""
         return jnp.where((status == RUNNING) & (excursion.peak >= self.width), PASSED, status)
 

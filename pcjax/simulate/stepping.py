@@ -11,7 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Int
 
 from pcjax.components import quantity
 from pcjax.geometry import Scalar
@@ -138,7 +138,7 @@ class SteppingProgram(eqx.Module):
     """
 
     dt: Scalar
-    chunks: Scalar
+    chunks: Int[Array, ""] | int
     goal_layer: Scalar | None
     chunk: int = eqx.field(static=True)
 

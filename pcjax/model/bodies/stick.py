@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pcjax.components import quantity
-from pcjax.geometry import Scalar, Vec
+from pcjax.geometry import Scalar, Scalars, Vec
 from pcjax.model.bodies.base import Body, register_body, size_field
 
 SKIN = 2e-4
@@ -50,7 +50,7 @@ class Stick(Body):
     noun = "stick of half length"
 
     @property
-    def radius(self) -> Scalar:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def radius(self) -> Scalars:  # pyright: ignore[reportIncompatibleVariableOverride]
         """r_o, by a circle's name for it: that of the circle that the stick can turn in."""
         return self.half_length
 

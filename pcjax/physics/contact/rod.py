@@ -15,6 +15,7 @@ from dataclasses import replace
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Int
 
 from pcjax.geometry import Flag, Scalar, Vec, fence, fence_all, unit_and_length, where
 from pcjax.model.bodies.stick import Stick
@@ -130,7 +131,7 @@ def meet_limbs_with_stick(
     (met,) = deepest_touches(1, body, world, before, free.pose(barrier), barrier)
     moved = impact(law, body, met, free, dt, barrier)
 
-    def sweep(_: int, moved: Rod) -> Rod:
+    def sweep(_: Int[Array, ""], moved: Rod) -> Rod:
         # The impact's contact stays among them, even where another one has been run into so far
         # that the point is beside its segment meanwhile.
         touches = [
@@ -249,7 +250,7 @@ def _least_pushes(
 ) -> list[Scalar]:
     """`response.least_push` for more than two unit vectors, by projected Gauss-Seidel."""
 
-    def once(_: int, pushes: list[Scalar]) -> list[Scalar]:
+    def once(_: Int[Array, ""], pushes: list[Scalar]) -> list[Scalar]:
         for k, need in enumerate(needs):
             others = [overlaps[k][m] * pushes[m] for m in range(len(needs)) if m != k]
             pushes[k] = fence(jnp.maximum(need - sum(others), 0.0), barrier)
