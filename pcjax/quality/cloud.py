@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from pcjax.compiling import compiled_quickly
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import PAPER_DT
 from pcjax.simulate.batch import LaneEngine, run
@@ -70,7 +71,7 @@ def settled_cloud(
     )
 
 
-@functools.partial(jax.jit, static_argnums=(2, 3))
+@functools.partial(compiled_quickly, static_argnums=(2, 3))
 def _draws_of(seed: Array, trials: Array, period: int, count: int) -> Array:
     return jax.vmap(lambda trial: period_draws(trial_key(seed, trial), period, count))(trials)
 

@@ -32,6 +32,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from pcjax.checks import check_between, check_count
+from pcjax.compiling import compiled_quickly
 from pcjax.geometry import Scalar
 from pcjax.model.contact import ContactLaw
 from pcjax.model.hand import HandDesign
@@ -276,7 +277,7 @@ class Surrogate:
         hands = [scenario.hand for scenario in scenarios]
         stacked = jax.tree.map(lambda *leaves: np.asarray(leaves, np.float32), *hands)
         widths = _layer_widths(stacked, self.goal_layer)
-        return np.asarray(relaxed_survival(jnp.asarray(marks), widths[:, None]))
+        return np.asarray(_relaxed_survival(marks, widths[:, None]))
 
     @property
     def signs(self) -> Float[np.ndarray, " directions"]:
@@ -340,7 +341,7 @@ def _log_quality(
     }[objective]
 
 
-@functools.partial(jax.jit, static_argnums=(1, 2, 3, 4))
+@functools.partial(compiled_quickly, static_argnums=(1, 2, 3, 4))
 def _judge(
     means: Array, objective: str, cloud: bool, periods: int, period: float
 ) -> tuple[Array, Array]:
@@ -353,3 +354,6 @@ def _judge(
 @functools.partial(jax.jit, static_argnums=1)
 def _layer_widths(hands: HandDesign, share: float) -> Array:
     return jax.vmap(lambda hand: jnp.asarray(Layer.of(hand.channel(), share).width))(hands)
+
+
+_relaxed_survival = compiled_quickly(relaxed_survival)

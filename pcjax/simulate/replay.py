@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from pcjax.checks import check_count
+from pcjax.compiling import compiled_quickly
 from pcjax.geometry import Vec
 from pcjax.model.drives.base import Drive
 from pcjax.model.hand import points_of
@@ -161,7 +162,7 @@ def record(
     return Recording(scenario, seed, trial, status, ended, step, times, position, angle)
 
 
-@jax.jit(static_argnames=("periods", "dt"))
+@functools.partial(compiled_quickly, static_argnames=("periods", "dt"))
 def _run(scenario: Scenario, seed: Any, trial: Any, periods: int, dt: float) -> Any:
     first = begin(scenario, start_draws(trial_key(seed, trial), scenario.draws_for_start))
     path = trajectory(scenario, seed=seed, trial=trial, periods=periods, dt=dt)
@@ -170,7 +171,7 @@ def _run(scenario: Scenario, seed: Any, trial: Any, periods: int, dt: float) -> 
     return first, path, lag_of(scenario.world(), last, jnp.asarray(step))
 
 
-@jax.jit
+@compiled_quickly
 def _placements(drive: Drive, seed: Any, trial: Any, periods: Array, times: Array) -> Any:
     """`joints`, `turn`, `pull` and `tilt` of `Frames` at times of some periods."""
     key = trial_key(seed, trial)
@@ -190,6 +191,14 @@ def _placements(drive: Drive, seed: Any, trial: Any, periods: Array, times: Arra
         return joints, there.turn, pair(there.pull), tilt
 
     return jax.vmap(one)(periods, times)
+
+
+def check_in_sight(drive: Drive) -> None:
+    """
+    Raises:
+        ValueError: there is no saying where the hand is that it moves.
+    """
+    jax.eval_shape(_placements, drive, 0, 0, np.zeros(1, np.int32), np.zeros(1))
 
 
 def pick_trial(

@@ -32,7 +32,7 @@ from pcjax.model.checking import check_geometry
 from pcjax.model.scenario import Scenario, usual_max_steps
 from pcjax.physics.state import INVALID, PASSED
 from pcjax.progress import progress_bar
-from pcjax.simulate.replay import Frames, Recording, pick_trial, record
+from pcjax.simulate.replay import Frames, Recording, check_in_sight, pick_trial, record
 from pcjax.simulate.stepping import safe_step
 from pcjax.view.scene import draw_scene
 from pcjax.view.shapes import COLOURS
@@ -127,6 +127,7 @@ def animate(
             f"there may be 1 to {_MOST_FRAMES}"
         )
     check_geometry(scenario)
+    check_in_sight(scenario.drive)
     if max_steps is None:
         max_steps = usual_max_steps(scenario.body, scenario.drive)
     dt = safe_step(scenario) if dt is None else dt
