@@ -3,6 +3,7 @@ folders, 64-bit arithmetic where it is asked, annotations and dtypes taken at th
 
 from __future__ import annotations
 
+import functools
 import os
 import tempfile
 from collections.abc import Iterator
@@ -41,15 +42,27 @@ def pytest_unconfigure() -> None:
 
 @pytest.fixture(scope="module")
 def quick_programs() -> Iterator[None]:
-    """Compiles the trials of a module in a third of the time, to run for a moment: for what is said
+    """Compiles a module's programs in a third of the time, to run for a moment: for what is said
     and written about trials. How they go is tested with the programs that users run."""
     from pcjax.simulate import workers  # after the hook above
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(workers, "_COMPILER_OPTIONS", {"cpu": QUICKLY})
+        patch.setattr(jax, "jit", functools.partial(jax.jit, compiler_options=QUICKLY))
         workers.advance_for.cache_clear()
         yield
     workers.advance_for.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def small_maps() -> Iterator[None]:
+    """Pictures of searches show the score of 9 hands, not of 121."""
+    from pcjax.view import designs
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(designs, "_MAP", 3)
+        patch.setattr(designs, "_MAP_TRIALS", 60)
+        yield
 
 
 @pytest.fixture

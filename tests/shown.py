@@ -12,6 +12,7 @@ import pytest
 
 import pcjax
 from pcjax.cli import main
+from pcjax.compiling import QUICKLY
 from pcjax.components import Registry
 from pcjax.model.bodies.base import BODIES
 from pcjax.model.drives.base import DRIVES
@@ -19,8 +20,11 @@ from pcjax.model.presets import HANDS
 from pcjax.simulate.engine import ENGINES
 
 ROOT = Path(__file__).parent.parent
-SMALL = ("--trials", "20", "--max-steps", "20000")
+SMALL = ("--trials", "10", "--max-steps", "20000")
 """Flags that make a command small; a later flag wins over an earlier one."""
+
+QUICK = {"XLA_FLAGS": " ".join(f"--{flag}={int(value)}" for flag, value in QUICKLY.items())}
+"""Environment of a process whose programs run for a moment (see `quick_programs`)."""
 
 _FENCE = re.compile(r'^```(\w*)(?: title="([^"]+)")?\n(.*?)^```$', re.DOTALL | re.MULTILINE)
 
@@ -50,7 +54,7 @@ def small_words(line: str) -> list[str]:
     less = {
         "optimize": [*SMALL, "--iterations", "1", "--accept-trials", "20"],
         "map": [*SMALL, "--points", "3", "2"],
-        "animate": ["--max-steps", "100000", "--seconds", "1"],
+        "animate": ["--max-steps", "100000", "--seconds", "1", "--fps", "5"],
     }
     if words[0] in ("export", "study", "show", "plot", "inspect"):
         return words

@@ -13,6 +13,7 @@ from matplotlib.animation import FFMpegWriter
 from PIL import Image
 
 import pcjax
+from pcjax.compiling import compiled_quickly
 from pcjax.model.hand import points_of
 from pcjax.physics.state import PASSED
 from pcjax.simulate.draws import period_draws, trial_key
@@ -20,6 +21,8 @@ from pcjax.simulate.outcomes import LIMIT
 from pcjax.simulate.replay import Recording, pick_trial, record
 from pcjax.view.animation import animate
 from pcjax.view.scene import plot_scenes
+
+pytestmark = pytest.mark.usefixtures("quick_programs")
 
 OWN = pcjax.HandDesign(
     400.0, ((350.0, 120.0, 80.0), (300.0, 100.0, 60.0)), ((1.4, 1.66, 1.3), (1.48, 1.66, 1.05))
@@ -73,8 +76,10 @@ def test_a_recorded_trial_ends_as_evaluate_counts_it(name: str) -> None:
 
 def test_a_recording_passes_through_the_states_of_the_trajectory() -> None:
     scenario = pcjax.does(ARMS, pcjax.Stick(50.0), pcjax.PlanarArm())
-    one = record(scenario, seed=1, trial=2, max_steps=10_000, dt=0.02)
-    path = pcjax.trajectory(scenario, seed=1, trial=2, periods=1, dt=0.02)
+    one = record(scenario, seed=1, trial=2, max_steps=40_000, dt=0.02)
+    path = compiled_quickly(
+        lambda scenario: pcjax.trajectory(scenario, seed=1, trial=2, periods=4, dt=0.02)
+    )(scenario)
     count = len(one.times) - 1
     frames = one.at(one.times[1:])
     assert frames.angle is not None
@@ -86,7 +91,8 @@ def test_a_recording_passes_through_the_states_of_the_trajectory() -> None:
 
 def test_the_pull_that_is_shown_is_the_models() -> None:
     drive = pcjax.WristTilt()
-    one = record(pcjax.does(OWN, pcjax.Circle(20.0), drive), seed=0, trial=5, max_steps=30_000)
+    scenario = pcjax.does(OWN, pcjax.Circle(20.0), drive)
+    one = record(scenario, seed=0, trial=5, max_steps=100_000, dt=0.04)
     frames = one.at(np.array([0.0, 5.0, 10.0, 10.5, 15.0]))
     assert frames.tilt is not None
     t1, t2 = frames.tilt.T
@@ -105,7 +111,8 @@ def test_the_pull_that_is_shown_is_the_models() -> None:
 
 def test_the_arms_hand_is_carried_as_the_drive_says() -> None:
     drive = pcjax.PlanarArm()
-    one = record(pcjax.does(ARMS, pcjax.Circle(50.0), drive), seed=0, trial=0, max_steps=20_000)
+    scenario = pcjax.does(ARMS, pcjax.Circle(50.0), drive)
+    one = record(scenario, seed=0, trial=0, max_steps=100_000, dt=0.02)
     frames = one.at(np.array([0.0, one.seconds]))
     # At rest the first link hangs, the second is turned by 45 degrees, the third has no length.
     reach = 200 * math.sqrt(0.5)
@@ -170,7 +177,7 @@ def test_a_gif_has_the_frames_and_the_time_asked_for(
 def test_html_plays_by_itself(tmp_path: Path) -> None:
     path = tmp_path / "film.html"
     scenario = pcjax.eoen(OWN, pcjax.Circle(20.0))
-    animate(scenario, path, trial=0, max_steps=1000, seconds=0.4, speed=2.0, fps=10)
+    animate(scenario, path, trial=0, max_steps=1000, dt=0.02, seconds=0.4, speed=2.0, fps=10)
     text = path.read_text()
     assert text.count("data:image/png;base64") == 3 + 15
     assert [entry.name for entry in tmp_path.iterdir()] == ["film.html"]
@@ -180,7 +187,7 @@ def test_html_plays_by_itself(tmp_path: Path) -> None:
 def test_mp4(tmp_path: Path) -> None:
     path = tmp_path / "film.mp4"
     scenario = pcjax.does(OWN, pcjax.Circle(20.0))
-    animate(scenario, path, trial=0, max_steps=1000, seconds=0.4, speed=2.0, fps=10)
+    animate(scenario, path, trial=0, max_steps=1000, dt=0.02, seconds=0.4, speed=2.0, fps=10)
     assert b"ftyp" in path.read_bytes()[:16]
 
 

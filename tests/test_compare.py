@@ -14,6 +14,8 @@ from pcjax.cli import main
 from pcjax.quality.indices import ratio, ratio_difference
 from pcjax.study.compare import names_of
 
+pytestmark = pytest.mark.usefixtures("quick_programs")
+
 RUN = pcjax.Run(trials=200, max_steps=30_000, seed=3)
 
 

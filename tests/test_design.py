@@ -33,6 +33,8 @@ from pcjax.quality.surrogate import Surrogate
 from pcjax.quality.task import Task
 from pcjax.words import InputWarning
 
+pytestmark = pytest.mark.usefixtures("quick_programs")
+
 BOX = box_hand(math.radians(10))
 TASK = Task(Circle(25.0), WristTilt(), ("does", "eoen"), 20_000)
 SURROGATE = Surrogate(TASK, trials=40)

@@ -16,7 +16,9 @@ import pytest
 
 import pcjax
 from pcjax.simulate.engine import ENGINES
-from tests.shown import ROOT, SMALL, blocks, run_page
+from tests.shown import QUICK, ROOT, SMALL, blocks, run_page
+
+pytestmark = pytest.mark.usefixtures("quick_programs", "small_maps")
 
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
@@ -103,7 +105,7 @@ def test_diffs_shown_apply_and_work(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "pcjax", "figure", "wide", *SMALL],
         cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        env=os.environ | QUICK | {"PYTHONPATH": str(tmp_path)},
         capture_output=True,
         text=True,
         timeout=300,

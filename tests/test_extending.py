@@ -20,6 +20,8 @@ from pcjax.physics.contact.table import register_contact
 from pcjax.physics.state import State, judge
 from pcjax.simulate.choose import choose_engine
 
+pytestmark = pytest.mark.usefixtures("quick_programs")
+
 RUN: dict[str, Any] = {"trials": 64, "max_steps": 60_000, "dt": 0.04, "direction": "does"}
 
 

@@ -16,6 +16,8 @@ from pcjax.paper.figures import curve, run_figure, score_curve
 from pcjax.paper.pictures import plot_figure
 from pcjax.results.schema import STATISTICS
 
+pytestmark = pytest.mark.usefixtures("quick_programs")
+
 RUN = {"trials": 60, "max_steps": 40_000, "seed": 3}
 
 

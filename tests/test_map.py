@@ -20,6 +20,8 @@ from pcjax.design.map import shapes
 from pcjax.model.checking import check_geometry
 from pcjax.results.saving import save_dataset
 
+pytestmark = pytest.mark.usefixtures("quick_programs")
+
 CIRCLE = pcjax.Circle(25.0)
 HAND = pcjax.box_hand()
 

@@ -11,6 +11,7 @@ from nbclient import NotebookClient
 
 from pcjax.paper.pictures import plot_figure
 from pcjax.results.reading import load_dataset
+from tests.shown import QUICK
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 
@@ -26,6 +27,8 @@ def test_runs_from_top_to_bottom(
 ) -> None:
     monkeypatch.setenv("PCJAX_TRIALS", "50")
     monkeypatch.setenv("PCJAX_MAX_STEPS", "20000")
+    for name, value in QUICK.items():
+        monkeypatch.setenv(name, value)
     notebook = nbformat.read(path, as_version=4)
     # Raises CellExecutionError, with the cell and its traceback, if a cell fails.
     NotebookClient(

@@ -13,6 +13,8 @@ from pcjax.study.read import EXAMPLE
 from pcjax.study.spec import Study
 from tests.shown import ROOT, SMALL, blocks, check_files_written, small_words
 
+pytestmark = pytest.mark.usefixtures("quick_programs", "small_maps")
+
 README = ROOT / "README.md"
 SMALLER = {
     "Surrogate(task, trials=500)": "Surrogate(task, trials=20)",

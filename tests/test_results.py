@@ -23,6 +23,8 @@ from pcjax.simulate.outcomes import LIMIT, STATUS_NAMES, Outcomes
 
 P, L, X = PASSED, LIMIT, INVALID
 
+pytestmark = pytest.mark.usefixtures("quick_programs")
+
 LENGTHS = ((500.0, 140.0, 100.0), (480.0, 160.0, 90.0))
 ANGLES = ((1.57, 1.58, 1.4), (1.56, 1.55, 1.5))
 DRIVE = {"amplitude": 0.5, "gravity": 9.7, "ramp_time": 1.0, "period": 10.0}
