@@ -270,6 +270,7 @@ def test_entering_is_the_real_hand_seen_in_a_mirror(angles: tuple[float, ...]) -
         ({"ramp_time": 3.3}, "fiftieths"),
     ],
 )
+@pytest.mark.usefixtures("unchecked")
 def test_bad_arms_are_refused(changes: dict, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         PlanarArm(**changes)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -106,7 +107,7 @@ def test_start_circle_touches_an_oblique_first_limb() -> None:
     tilt = math.radians(65)
     hand = HandDesign(200.0, ((200.0, 100.0),) * 2, ((tilt, math.pi / 2),) * 2)
     scenario = does(hand, Circle(20.0), start_spread=0.0)
-    start = scenario.start(np.array([0.9, 0.0, 0.0]))
+    start = scenario.start(jnp.array([0.9, 0.0, 0.0]))
     distances = [float(limb.distance(start)) for limb in hand.limbs()]
     assert distances[0] == pytest.approx(20, abs=1e-9)
     assert distances[3] == pytest.approx(20, abs=1e-9)
@@ -168,7 +169,7 @@ def test_degrees_in_place_of_radians_are_pointed_out_where_they_are_given(
     hand.with_fingertips_mirrored()
 
 
-def test_angles_within_a_turn_and_traced_ones_pass() -> None:
+def test_angles_within_a_turn_and_traced_ones_pass(unchecked: None) -> None:
     turn = 2 * math.pi
     HandDesign(1.0, ((1.0, 1.0), (1.0,)), ((turn, -turn), (np.float32(turn),)))
     jax.jit(lambda angle: box_hand(angle).gap())(10.0)

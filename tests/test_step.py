@@ -441,4 +441,4 @@ def test_annotations_and_dtypes_are_checked() -> None:
         with pytest.raises(TypeCheckError, match="parameter 'inwards'"):
             call()
     with pytest.raises(TypePromotionError, match="strict"):
-        jnp.asarray(1) * 0.5
+        jnp.asarray(1, jnp.int32) * 0.5
