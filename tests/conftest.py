@@ -15,10 +15,23 @@ import pytest
 from pcjax.cli.compilation_cache import VARIABLE, use_compilation_cache
 from pcjax.compiling import QUICKLY
 
-# Every function's arguments and results are held against its annotations, shapes included; a whole
-# number is a float, too.
+# Arguments and results of what computes are held against their annotations, shapes included; a whole
+# number is a float, too. What is missing here: `pcjax.geometry`, whose vectors are made by the
+# thousand while a program is traced; `design.optimize`, whose warnings count the frames up to their
+# caller; and what people type, which is refused in the package's own words.
 jaxtyping.install_import_hook(
-    ["pcjax.design", "pcjax.model", "pcjax.physics", "pcjax.quality", "pcjax.simulate"],
+    [
+        "pcjax.design.compare",
+        "pcjax.design.gradients",
+        "pcjax.design.map",
+        "pcjax.design.parameters",
+        "pcjax.design.search",
+        "pcjax.design.space",
+        "pcjax.model",
+        "pcjax.physics",
+        "pcjax.quality",
+        "pcjax.simulate",
+    ],
     "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
 )
 
