@@ -67,17 +67,6 @@ def quick_programs() -> Iterator[None]:
     workers.advance_for.cache_clear()
 
 
-@pytest.fixture(scope="module")
-def small_maps() -> Iterator[None]:
-    """Pictures of searches show the score of 9 hands, not of 121."""
-    from pcjax.view import designs
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(designs, "_MAP", 3)
-        patch.setattr(designs, "_MAP_TRIALS", 60)
-        yield
-
-
 @pytest.fixture
 def programs_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
     """Has processes that use the library, not the command, share the session's programs as well."""

@@ -30,7 +30,7 @@ from pcjax.paper.figures import run_figure
 from pcjax.study import Study
 from pcjax.view.plots import plot_evaluation
 
-pytestmark = pytest.mark.usefixtures("quick_programs", "small_maps")
+pytestmark = pytest.mark.usefixtures("quick_programs")
 
 # A wide gate and inclined fingertips: within 50 s about half of the trials pass.
 SMALL = "--trials 64 --max-steps 50_000 --fingertip-angle -20 --gap-width 400"

@@ -18,7 +18,7 @@ import pcjax
 from pcjax.simulate.engine import ENGINES
 from tests.shown import QUICK, ROOT, SMALL, blocks, run_page
 
-pytestmark = pytest.mark.usefixtures("quick_programs", "small_maps")
+pytestmark = pytest.mark.usefixtures("quick_programs")
 
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))

@@ -20,15 +20,19 @@ def test_notebooks_are_there():
     assert [path.stem for path in NOTEBOOKS] == ["fig12", "optimise_fingertip", "quickstart"]
 
 
-@pytest.mark.usefixtures("programs_for_all")
+@pytest.fixture
+def quick_kernels(programs_for_all: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in QUICK.items():
+        monkeypatch.setenv(name, value)
+
+
+@pytest.mark.usefixtures("quick_kernels")
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_runs_from_top_to_bottom(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PCJAX_TRIALS", "50")
     monkeypatch.setenv("PCJAX_MAX_STEPS", "20000")
-    for name, value in QUICK.items():
-        monkeypatch.setenv(name, value)
     notebook = nbformat.read(path, as_version=4)
     # Raises CellExecutionError, with the cell and its traceback, if a cell fails.
     NotebookClient(
@@ -61,7 +65,7 @@ def pictures(notebook: nbformat.NotebookNode) -> int:
     return sum("image/png" in output.get("data", {}) for output in outputs)
 
 
-@pytest.mark.usefixtures("programs_for_all")
+@pytest.mark.usefixtures("quick_kernels")
 def test_progress_is_shown_in_a_notebook_if_asked_for(tmp_path: Path) -> None:
     run = "import pcjax; pcjax.evaluate(trials=64, max_steps=20_000, progress={})"
     notebook = nbformat.v4.new_notebook(

@@ -13,7 +13,7 @@ from pcjax.study.read import EXAMPLE
 from pcjax.study.spec import Study
 from tests.shown import ROOT, SMALL, blocks, check_files_written, small_words
 
-pytestmark = pytest.mark.usefixtures("quick_programs", "small_maps")
+pytestmark = pytest.mark.usefixtures("quick_programs")
 
 README = ROOT / "README.md"
 SMALLER = {

@@ -31,6 +31,7 @@ _Z95 = 1.96
 _MAP = 11
 """Designs along each side of a score map."""
 _MAP_TRIALS = 400
+"""Trials for each of them at most; as many as the search took for a hand where that is fewer."""
 
 
 def plot_optimum(data: tuple[Optimum, DesignSpace, Surrogate]) -> Figure:
@@ -149,7 +150,8 @@ def draw_map(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogat
     xs, ys = (np.linspace(p.low, p.high, _MAP) for p in space.free)
     grid = [space.nearest_allowed(np.array([x, y]), found.best) for y in ys for x in xs]
     rough = replace(surrogate, contact_layer=0.0)
-    logs = compare(rough, space, grid, trials=_MAP_TRIALS, seed=0).logs
+    trials = min(surrogate.trials, _MAP_TRIALS)
+    logs = compare(rough, space, grid, trials=trials, seed=0).logs
     score = np.exp(logs).reshape(_MAP, _MAP)
     _draw_score(axis, xs, ys, score, "exact score")
     fine = [np.linspace(p.low, p.high, FINE) for p in space.free]
