@@ -215,6 +215,7 @@ def test_objects_that_turn_and_others_do_not_run_together() -> None:
         ({"trials": 2.5}, "whole number"),
     ],
 )
+@pytest.mark.usefixtures("unchecked")
 def test_bad_counts_are_refused(changes: dict, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         outcomes(**changes)

@@ -22,6 +22,7 @@ def test_notebooks_are_there():
 
 @pytest.fixture
 def quick_kernels(programs_for_all: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Notebooks' programs run for a moment, and are shared."""
     for name, value in QUICK.items():
         monkeypatch.setenv(name, value)
 

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Int
+from jaxtyping import Array, Int, Integer
 
 from pcjax.components import quantity
 from pcjax.geometry import Scalar
@@ -208,8 +208,8 @@ def lag_of(world: World, state: State, dt: Scalar) -> Scalar:
 def trajectory(
     scenario: Scenario,
     *,
-    seed: int = 0,
-    trial: int = 0,
+    seed: Integer[Array, ""] | int = 0,
+    trial: Integer[Array, ""] | int = 0,
     periods: int = 1,
     dt: float = PAPER_DT,
 ) -> State:
