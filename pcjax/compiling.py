@@ -7,17 +7,17 @@ from typing import Any, TypeVar, cast
 
 import jax
 
-F = TypeVar("F", bound=Callable[..., Any])
+R = TypeVar("R")
 
 QUICKLY = {"xla_backend_optimization_level": 0, "xla_cpu_use_fusion_emitters": False}
 """Compiler options: a third of the time to compile, and several times as long to run."""
 
 
-def compiled_quickly(function: F, **static: Any) -> F:
+def compiled_quickly(function: Callable[..., R], **static: Any) -> Callable[..., R]:
     """`jax.jit` for what is called a few times, and not from within other compiled functions.
 
     Arguments:
         function: what to compile.
         static: which arguments are static, as `jax.jit` has it.
     """
-    return cast(F, jax.jit(function, compiler_options=QUICKLY, **static))
+    return cast(Callable[..., R], jax.jit(function, compiler_options=QUICKLY, **static))

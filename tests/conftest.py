@@ -15,10 +15,10 @@ import pytest
 from pcjax.cli.compilation_cache import VARIABLE, use_compilation_cache
 from pcjax.compiling import QUICKLY
 
-# Arguments and results of what computes are held against their annotations, shapes included; a whole
-# number is a float, too. What is missing here: `pcjax.geometry`, whose vectors are made by the
-# thousand while a program is traced; `design.optimize`, whose warnings count the frames up to their
-# caller; and what people type, which is refused in the package's own words.
+# Arguments and results of what computes are held against their annotations, shapes included; a
+# whole number is a float, too. What is missing here: `pcjax.geometry`, whose vectors are made by
+# the thousand while a program is traced; `design.optimize` and `design.starts`, whose warnings
+# count the frames up to their caller; and what people type, which is refused in our own words.
 jaxtyping.install_import_hook(
     [
         "pcjax.design.compare",

@@ -134,7 +134,7 @@ class Layer(eqx.Module):
         return relaxed_survival(peak, self.width)
 
 
-def relaxed_survival(peak: Scalar, width: Scalar) -> Scalar:
+def relaxed_survival(peak: Scalars, width: Scalars) -> Scalars:
     """S = 1 - F(peak / width)."""
     z = jnp.clip(0.5 * (peak / width + 1.0), 0.0, 1.0)
     return 1.0 - z * z * z * (z * (6.0 * z - 15.0) + 10.0)
