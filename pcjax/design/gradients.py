@@ -189,7 +189,7 @@ def differentiable_score(
     @jax.custom_jvp
     def log_gradient(design: Array, seed: Array) -> Array:
         ways = jnp.asarray(np.concatenate([moves, -moves]))
-        factors = 0.75 ** jnp.arange(17)
+        factors = 0.75 ** jnp.arange(17.0)
         gaps = jax.vmap(
             lambda factor: jnp.min(
                 jax.vmap(lambda way: space.hand(design + factor * way).gap())(ways)
