@@ -22,7 +22,9 @@ def test_notebooks_are_there():
 
 @pytest.fixture
 def quick_kernels(programs_for_all: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Notebooks' programs run for a moment, and are shared."""
+    """Notebooks' programs run for a moment, and are shared. They hold what users write, optax too,
+    which may leave promotions to JAX."""
+    monkeypatch.setenv("JAX_NUMPY_DTYPE_PROMOTION", "standard")
     for name, value in QUICK.items():
         monkeypatch.setenv(name, value)
 
