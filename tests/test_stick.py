@@ -48,7 +48,11 @@ def state(
 ) -> State:
     """A running trial; the clock is past the ramp."""
     start = at_rest(Vec(jnp.asarray(x), jnp.asarray(y)), jnp.asarray(angle))
-    values = (Vec(jnp.asarray(vx), jnp.asarray(vy)), jnp.asarray(spin), jnp.asarray(10**7))
+    values = (
+        Vec(jnp.asarray(vx), jnp.asarray(vy)),
+        jnp.asarray(spin),
+        jnp.asarray(10**7, jnp.int32),
+    )
     return eqx.tree_at(lambda s: (s.velocity, s.spin, s.clock), start, values)
 
 
@@ -236,7 +240,8 @@ def test_a_free_rod_keeps_its_spin_in_the_world_while_the_hand_turns() -> None:
     arm = PlanarArm()
     scenario = does(hand, Stick(500.0), arm)
     profile = arm.profile(jnp.zeros(3), jnp.array([0.9, 0.8, 0.5]), True)
-    first = eqx.tree_at(lambda s: s.clock, state(0.0, 3000.0, 0.3, spin=0.2), jnp.asarray(0))
+    first = state(0.0, 3000.0, 0.3, spin=0.2)
+    first = eqx.tree_at(lambda s: s.clock, first, jnp.asarray(0, jnp.int32))
     path = roll(scenario, profile, first, 700, 0.01)  # type: ignore[arg-type]
     for k in (0, 300, 499, 699):
         _, before = arm.pose(profile, jnp.asarray(0.0))

@@ -120,7 +120,7 @@ class MapPlan:
     surrogate: Surrogate
     space: DesignSpace
     seed: int
-    lines: list[Float[np.ndarray, " points"]]
+    lines: list[Float[np.ndarray, " _"]]
     designs: Float[np.ndarray, "designs 2"]
     gaps: Float[np.ndarray, " designs"]
     possible: Bool[np.ndarray, " designs"]

@@ -29,7 +29,7 @@ _MOST_DESIGNS = 100_000
 
 def grid_lines(
     space: DesignSpace, points: Sequence[int] | None = None
-) -> list[Float[np.ndarray, " points"]]:
+) -> list[Float[np.ndarray, " _"]]:
     """Values of each parameter, from bound to bound, whose combinations are a grid's designs.
 
     Arguments:

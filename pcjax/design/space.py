@@ -205,7 +205,7 @@ class DesignSpace:
 
     def nearest_allowed(
         self,
-        design: Float[np.ndarray, " parameters"],
+        design: Float[np.ndarray, " parameters"] | Sequence[float],
         fallback: Float[np.ndarray, " parameters"] | None = None,
     ) -> Float[np.ndarray, " parameters"]:
         """An allowed design close by, by small moves (in the scales) that mend what is wrong.
