@@ -118,12 +118,12 @@ class DesignSpace:
     @property
     def low(self) -> Float[np.ndarray, " parameters"]:
         """Lower bounds."""
-        return np.array([p.low for p in self.free])
+        return np.array([p.low for p in self.free], float)
 
     @property
     def high(self) -> Float[np.ndarray, " parameters"]:
         """Upper bounds."""
-        return np.array([p.high for p in self.free])
+        return np.array([p.high for p in self.free], float)
 
     def design_of(self, hand: HandDesign) -> Float[np.ndarray, " parameters"]:
         """The design that a hand is."""
