@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from experiments import fuzz
-
-pytestmark = pytest.mark.usefixtures("quick_programs")
 
 
 def test_both_engines_agree_on_random_hands_and_nothing_goes_wrong() -> None:
