@@ -153,17 +153,17 @@ def test_starts_follow_a_first_limb_that_leans_in(lean: float) -> None:
     scenario = does(hand, Circle(20.0))
     check_geometry(scenario)
     for draws in np.random.default_rng(1).random((40, 3)):
-        start = scenario.start(draws)
+        start = scenario.start(jnp.asarray(draws))
         assert min(float(limb.distance(start)) for limb in hand.limbs()) > 20.0 - 1e-9
     # As far from the leaning limb as from an upright one.
-    start = scenario.start(np.array([0.9, 0.0, 0.7]))
+    start = scenario.start(jnp.array([0.9, 0.0, 0.7]))
     assert float(hand.finger(1)[0].distance(start)) == pytest.approx(20.0, abs=1e-9)
 
 
 def test_starts_at_upright_limbs_are_the_papers() -> None:
     scenario = does(box_hand(), Circle(25.0))
     for draws in np.random.default_rng(2).random((20, 3)):
-        start = scenario.start(draws)
+        start = scenario.start(jnp.asarray(draws))
         inset = 25.0 * math.tan(RIGHT / 2) + 50.0 * draws[1]
         side = math.copysign(1, draws[0] - 0.5)
         assert float(start.x) == pytest.approx(side * (250 - inset), rel=1e-14)

@@ -76,7 +76,7 @@ def test_both_engines_give_what_successive_impacts_give(restitution: float, way:
         zero = jnp.zeros((), jnp.int32)
 
         flight = Flight(
-            Vec(jnp.asarray(touch), jnp.asarray(RADIUS)), velocity, zero * 1.0, zero, zero
+            Vec(jnp.asarray(touch), jnp.asarray(RADIUS)), velocity, jnp.zeros(()), zero, zero
         )
         flight = event(world, profile, jnp.asarray(1.0), flight)
         assert int(flight.status) == RUNNING
