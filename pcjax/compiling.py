@@ -13,6 +13,14 @@ QUICKLY = {"xla_backend_optimization_level": 0, "xla_cpu_use_fusion_emitters": F
 """Compiler options: a third of the time to compile, and several times as long to run."""
 
 
+def roomy_size(count: int, least: int) -> int:
+    """The first of `least`, 4 `least`, 16 `least`, ... that is `count` or more, for what is padded:
+    few sizes are few programs to compile."""
+    while least < count:
+        least *= 4
+    return least
+
+
 def compiled_quickly(function: Callable[..., R], **static: Any) -> Callable[..., R]:
     """`jax.jit` for what is called a few times, and not from within other compiled functions.
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from pcjax.design.space import DesignSpace
+from pcjax.design.space import Design, DesignSpace
 from pcjax.model.hand import HandDesign
 from pcjax.physics.state import PAPER_DT
 from pcjax.progress import progress_bar
@@ -96,7 +96,7 @@ def _bounds(
 def compare(
     surrogate: Surrogate,
     space: DesignSpace,
-    designs: Sequence[Float[np.ndarray, " parameters"]],
+    designs: Sequence[Design],
     *,
     trials: int,
     seed: int,
@@ -136,7 +136,7 @@ def compare_hands(
 def score_all(
     surrogate: Surrogate,
     space: DesignSpace,
-    designs: Sequence[Float[np.ndarray, " parameters"]],
+    designs: Sequence[Design],
     *,
     seed: int,
     progress: bool = False,

@@ -26,7 +26,7 @@ from scipy.linalg import hadamard
 
 from pcjax.checks import check_between, check_count
 from pcjax.design.estimator import Designs, Estimator, Gradient, gradient_from
-from pcjax.design.space import DesignSpace
+from pcjax.design.space import Design, DesignSpace
 from pcjax.geometry import Scalar
 from pcjax.quality.surrogate import Surrogate
 from pcjax.simulate.stepping import Stepping
@@ -258,7 +258,7 @@ class Pathwise(Estimator):
         self,
         surrogate: Surrogate,
         block: Callable[[Array, Array], tuple[Array, Array]],
-        design: Float[np.ndarray, " parameters"],
+        design: Design,
     ) -> Gradient:
         began = time.perf_counter()
         at, firsts = jnp.asarray(design, float), range(0, surrogate.trials, self.block)
@@ -339,7 +339,7 @@ def mixed(one: Gradient, two: Gradient) -> Gradient:
 
 def open_reach(
     space: DesignSpace,
-    design: Float[np.ndarray, " parameters"],
+    design: Design,
     moves: Float[np.ndarray, "moves p"],
 ) -> float:
     """The factor, at most 1, with which all moves leave the hand open, either way.

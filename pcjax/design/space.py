@@ -97,14 +97,12 @@ class DesignSpace:
         check_between("clearance", self.clearance, 0.0, math.inf)
 
     @property
-    def scales(self) -> Float[np.ndarray, " parameters"]:
+    def scales(self) -> Design:
         """The usual change of each parameter: 10 degrees, or a tenth of the palm."""
         length = 0.1 * float(self.base.palm_length)
         return np.array([10.0 if p.unit else length for p in self.free])
 
-    def usual_moves(
-        self, design: Float[np.ndarray, " parameters"]
-    ) -> Float[np.ndarray, " parameters"]:
+    def usual_moves(self, design: Design) -> Design:
         """How far differences move each parameter: 4 degrees, or 0.02 palm lengths but no more than
         a fifth of the length itself."""
         moves = self.scales * [0.4 if p.unit else 0.2 for p in self.free]
@@ -116,16 +114,16 @@ class DesignSpace:
         return self.width + share * self.clearance
 
     @property
-    def low(self) -> Float[np.ndarray, " parameters"]:
+    def low(self) -> Design:
         """Lower bounds."""
         return np.array([p.low for p in self.free], float)
 
     @property
-    def high(self) -> Float[np.ndarray, " parameters"]:
+    def high(self) -> Design:
         """Upper bounds."""
         return np.array([p.high for p in self.free], float)
 
-    def design_of(self, hand: HandDesign) -> Float[np.ndarray, " parameters"]:
+    def design_of(self, hand: HandDesign) -> Design:
         """The design that a hand is."""
         return np.array([float(p.read(hand)) for p in self.free])
 
@@ -141,7 +139,7 @@ class DesignSpace:
             (tuple(angles[0]), tuple(angles[1])),
         )
 
-    def spare(self, design: Float[np.ndarray, " parameters"]) -> tuple[float, bool]:
+    def spare(self, design: Design) -> tuple[float, bool]:
         """How much wider than object and clearance the gap is, and whether that is no hand."""
         gap, wrong = self._shape(self.hand(design))
         return gap - self.width - self.clearance, wrong
@@ -185,7 +183,7 @@ class DesignSpace:
             )
         return found
 
-    def allowed(self, design: Float[np.ndarray, " parameters"]) -> bool:
+    def allowed(self, design: Design) -> bool:
         """Whether a design is within bounds and limits, has its clearance, and is a hand."""
         slack = 1e-9 * np.abs(self.scales)
         inside = np.all(design >= self.low - slack) and np.all(design <= self.high + slack)
@@ -195,7 +193,7 @@ class DesignSpace:
             )
         return bool(inside) and self.open(design, 1.0)
 
-    def open(self, design: Float[np.ndarray, " parameters"], share: float) -> bool:
+    def open(self, design: Design, share: float) -> bool:
         """Whether the gap leaves that share of the clearance, and it is a hand."""
         try:
             spare, wrong = self.spare(design)
@@ -205,9 +203,9 @@ class DesignSpace:
 
     def nearest_allowed(
         self,
-        design: Float[np.ndarray, " parameters"] | Sequence[float],
-        fallback: Float[np.ndarray, " parameters"] | None = None,
-    ) -> Float[np.ndarray, " parameters"]:
+        design: Design | Sequence[float],
+        fallback: Design | None = None,
+    ) -> Design:
         """An allowed design close by, by small moves (in the scales) that mend what is wrong.
 
         Arguments:
@@ -247,10 +245,10 @@ class DesignSpace:
 
     def along_edges(
         self,
-        design: Float[np.ndarray, " parameters"],
-        way: Float[np.ndarray, " parameters"],
+        design: Design,
+        way: Design,
         reach: float,
-    ) -> Float[np.ndarray, " parameters"]:
+    ) -> Design:
         """What is left of a way uphill where it would leave the allowed hands within one step.
 
         On an edge it is the part along the edge; a whole step away from all edges, all of it.
@@ -266,7 +264,7 @@ class DesignSpace:
         return np.zeros(len(way)) if kept is None else kept
 
     def _edges(
-        self, design: Float[np.ndarray, " parameters"]
+        self, design: Design
     ) -> tuple[Float[np.ndarray, "edges parameters"], Float[np.ndarray, " edges"]]:
         """Bounds, limits and the gap's tangent: outward normals, and how far each is away, all in
         the scales."""
@@ -287,12 +285,12 @@ class DesignSpace:
             room.append((self.spare(design)[0] - 1e-7 * self.width) / size)
         return np.array(normals), np.array(room)
 
-    def describe(self, design: Float[np.ndarray, " parameters"]) -> str:
+    def describe(self, design: Design) -> str:
         """A design as text."""
         values = zip(self.free, design, strict=True)
         return ", ".join(f"{p.name} {v:.4g}{' deg' if p.unit else ''}" for p, v in values)
 
-    def named(self, design: Float[np.ndarray, " parameters"]) -> dict[str, float]:
+    def named(self, design: Design) -> dict[str, float]:
         """A design by the parameters' labels."""
         return {p.label: float(v) for p, v in zip(self.free, design, strict=True)}
 

@@ -7,10 +7,7 @@ from dataclasses import replace
 
 import jax.numpy as jnp
 
-from pcjax.geometry import (
-    Flag,
-    Scalar,
-)
+from pcjax.geometry import Flag, Scalar
 from pcjax.model.hand import HandDesign
 from pcjax.model.layout import Geometry, fit_of, geometry_of_hand, same_gap
 from pcjax.model.scenario import Scenario

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from pcjax.compiling import compiled_quickly
+from pcjax.compiling import compiled_quickly, roomy_size
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import PAPER_DT
 from pcjax.simulate.batch import LaneEngine, run
@@ -77,8 +77,6 @@ def _draws_of(seed: Array, trials: Array, period: int, count: int) -> Array:
 
 
 def _last_draws(seed: int, trials: np.ndarray, period: int, count: int) -> np.ndarray:
-    # Of a few sizes only, so that they compile once.
-    size = 1 << max(len(trials) - 1, 1).bit_length()
-    padded = np.zeros(size, np.int32)
+    padded = np.zeros(roomy_size(len(trials), 64), np.int32)
     padded[: len(trials)] = trials
     return np.asarray(_draws_of(np.uint32(seed), padded, period, count))[: len(trials)]

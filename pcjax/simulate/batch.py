@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from pcjax.checks import check_count
+from pcjax.compiling import roomy_size
 from pcjax.components import shared_leaves, unfixed
 from pcjax.model.scenario import Scenario
 from pcjax.progress import progress_bar
@@ -39,12 +40,16 @@ _SMALLEST_BLOCK = 64
 _FEWEST_CONDITIONS = 64
 
 
-def _up(count: int, least: int) -> int:
-    """The first of `least`, 4 `least`, 16 `least`, ... that is `count` or more: few sizes are few
-    programs to compile."""
-    while least < count:
-        least *= 4
-    return least
+def usual_block(trials: int, platform: str) -> int:
+    """Lanes in the blocks of a worker that has so many trials to run on such a device.
+
+    A CPU fills its blocks, one after the other; an accelerator takes one as fast as its quarter.
+    """
+    largest = _BLOCK.get(platform, _BLOCK_ON_ACCELERATOR)
+    block = min(largest, roomy_size(trials, _SMALLEST_BLOCK))
+    if platform == "cpu" and block > trials:
+        block = max(block // 4, _SMALLEST_BLOCK)
+    return block
 
 
 def run(
@@ -140,7 +145,7 @@ class LaneEngine(Engine):
             return
         dtype = np.float32 if how.precision == 32 else np.float64
         # The compiled program depends on how many conditions there are: of a few numbers only.
-        spare = _up(len(scenarios), _FEWEST_CONDITIONS) - len(scenarios)
+        spare = roomy_size(len(scenarios), _FEWEST_CONDITIONS) - len(scenarios)
         filled = [*scenarios, *[scenarios[0]] * spare]
         loose = [unfixed(scenario) for scenario in scenarios]
         loose += loose[:1] * spare
@@ -157,12 +162,7 @@ class LaneEngine(Engine):
         total = outcomes.steps.size
         block = how.block
         if block is None:
-            fair = -(-total // len(crew))
-            largest = _BLOCK.get(platform, _BLOCK_ON_ACCELERATOR)
-            block = min(largest, _up(fair, _SMALLEST_BLOCK))
-            if platform == "cpu" and block > fair:
-                # Full blocks, one after the other. An accelerator takes one as fast as its quarter.
-                block = max(block // 4, _SMALLEST_BLOCK)
+            block = usual_block(-(-total // len(crew)), platform)
         check_count("block", block, 1, 2**24)
         seconds = functools.partial(self.seconds, period=period)
         ledger = Ledger(filled, seconds, outcomes, how.first)

@@ -194,9 +194,10 @@ def _placements(drive: Drive, seed: Any, trial: Any, periods: Array, times: Arra
 
 
 def check_in_sight(drive: Drive) -> None:
-    """
+    """Checks that a film can show what the drive does to the hand.
+
     Raises:
-        ValueError: there is no saying where the hand is that it moves.
+        ValueError: there is no saying where the hand is.
     """
     jax.eval_shape(_placements, drive, 0, 0, np.zeros(1, np.int32), np.zeros(1))
 

@@ -11,7 +11,7 @@ import jax
 from pcjax.checks import check_count
 from pcjax.model.checking import check_geometry
 from pcjax.model.scenario import Scenario
-from pcjax.simulate.batch import run
+from pcjax.simulate.batch import run, usual_block
 from pcjax.simulate.choose import choose_engine
 from pcjax.simulate.engine import Engine
 from pcjax.simulate.outcomes import Outcomes
@@ -55,9 +55,10 @@ class Part:
     def run(self, workers: int | None = None) -> Outcomes:
         """Runs them, on this machine, with that many threads (one per core unless given)."""
         block = None
-        if jax.local_devices()[0].platform == "cpu":
+        platform = jax.local_devices()[0].platform
+        if platform == "cpu":
             # By the part alone, so that the same program runs whatever the number of threads.
-            block = min(1024, max(64, 1 << (self.count // 2).bit_length()))
+            block = usual_block(-(-self.count // 2), platform)
         return run(
             self.scenarios,
             trials=self.trials,
