@@ -32,8 +32,6 @@ from pcjax.simulate.event import EventDriven
 from pcjax.simulate.outcomes import LIMIT, Outcomes
 from pcjax.simulate.stepping import Stepping, trajectory
 
-pytestmark = pytest.mark.usefixtures("quick_programs")
-
 ENGINE = Stepping(0.02)
 LIMIT_STEPS = 60_000
 
@@ -139,9 +137,7 @@ def test_several_devices_change_nothing(usual: Outcomes, tmp_path: Path) -> None
         "import sys, json, jax\n"
         "sys.path.insert(0, '.')\n"
         "import tests.test_batch as t\n"
-        "from pcjax.compiling import QUICKLY\n"
         "assert len(jax.local_devices()) == 2\n"
-        "t.workers._COMPILER_OPTIONS = {'cpu': QUICKLY}\n"
         "print(json.dumps(t.outcomes(workers=2).steps.tolist()))\n"
     )
     env = os.environ | {"XLA_FLAGS": "--xla_force_host_platform_device_count=2"}

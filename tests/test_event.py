@@ -31,8 +31,6 @@ from pcjax.simulate.outcomes import LIMIT
 from pcjax.simulate.stepping import Stepping
 from tests.helpers import strong
 
-pytestmark = pytest.mark.usefixtures("quick_programs")
-
 
 def scenario(radius: float = 25.0, angle: float = 10.0, *, back: bool = False, **law: float):
     make = eoen if back else does

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
@@ -14,7 +14,7 @@ import pytest
 from scipy.stats import chi2
 
 from pcjax.compiling import compiled_quickly
-from pcjax.design.estimator import Gradient
+from pcjax.design.estimator import Estimator, Gradient
 from pcjax.design.gradients import Differences, Mixture, Pathwise, differentiable_score
 from pcjax.design.space import DesignSpace, design_space
 from pcjax.model.bodies.circle import Circle
@@ -250,13 +250,18 @@ def test_several_designs_in_one_batch_are_the_same_as_each_alone() -> None:
 
 
 def test_a_mixture_weighs_by_inverse_variances() -> None:
-    def fixed(value: float, se: float) -> Callable[..., list[Gradient]]:
-        one = np.array([value])
-        return lambda *_: [
-            Gradient(0.0, 1.0, one, np.array([[se**2]]), one[None], one[None] * se, 0.01, 10, 1.0)
-        ]
 
-    (mixed,) = Mixture(fixed(1.0, 0.1), fixed(2.0, 0.2))(
+    @dataclass(frozen=True)
+    class Fixed(Estimator):
+        value: float
+        se: float
+
+        def __call__(self, *_: Any) -> list[Gradient]:
+            one, covariance = np.array([self.value]), np.array([[self.se**2]])
+            parts = one[None], one[None] * self.se
+            return [Gradient(0.0, 1.0, one, covariance, *parts, 0.01, 10, 1.0)]
+
+    (mixed,) = Mixture(Fixed(1.0, 0.1), Fixed(2.0, 0.2))(
         Surrogate(task()), space(), [np.zeros(2)], 0
     )
     weights = np.array([1 / 0.1**2, 1 / 0.2**2])

@@ -129,13 +129,17 @@ def test_an_interrupted_sweep_ends_in_the_same_file(
 
 
 _CHILD = """
-import pathlib, sys
+import sys, time
 import pcjax.sweep.plan
 import pcjax.sweep.run
+import pcjax.sweep.store
 from pcjax.cli.compilation_cache import use_compilation_cache
 from pcjax.study.read import load_study
 use_compilation_cache()
 pcjax.sweep.plan.BLOCK = 20
+keep = pcjax.sweep.store.Store.keep
+# There is time to kill it between two parts.
+pcjax.sweep.store.Store.keep = lambda *part: (keep(*part), time.sleep(60))
 pcjax.sweep.run.run_sweep(load_study(sys.argv[1]), sys.argv[2], keep_trials=True)
 """
 

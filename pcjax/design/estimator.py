@@ -33,7 +33,7 @@ class Gradient:
 
     value: float
     value_se: float
-    gradient: Float[np.ndarray, " parameters"]
+    gradient: Design
     covariance: Float[np.ndarray, "parameters parameters"]
     parts: Float[np.ndarray, "directions parameters"]
     parts_se: Float[np.ndarray, "directions parameters"]
@@ -43,7 +43,7 @@ class Gradient:
     invalid: int = 0
 
     @property
-    def se(self) -> Float[np.ndarray, " parameters"]:
+    def se(self) -> Design:
         """Standard errors of the gradient."""
         return np.sqrt(np.diag(self.covariance))
 

@@ -248,7 +248,7 @@ class Pathwise(Estimator):
             trials = first + jnp.arange(self.block, dtype=jnp.int32)
 
             def values(at: Array) -> Array:
-                return surrogate.traced_values(space.hand(at), engine, trials, np.uint32(seed))
+                return surrogate.traced_values(space.hand(at), engine, trials, jnp.uint32(seed))
 
             return values(at), jax.jacfwd(values)(at)
 

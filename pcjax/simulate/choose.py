@@ -16,7 +16,7 @@ def engine_names() -> tuple[str, ...]:
     return ("auto", *ENGINES.kinds())
 
 
-def check_engine(engine: str | Engine) -> None:
+def check_engine(engine: object) -> None:
     """
     Raises:
         ValueError: it is neither a known name nor an engine.
