@@ -6,12 +6,15 @@ import json
 import math
 from dataclasses import astuple, replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import matplotlib.image
 import numpy as np
 import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.contour import QuadContourSet
+from matplotlib.figure import Figure
 
 import pcjax
 from pcjax.cli import main
@@ -19,6 +22,7 @@ from pcjax.design.compare import compare
 from pcjax.design.map import shapes
 from pcjax.model.checking import check_geometry
 from pcjax.results.saving import save_dataset
+from pcjax.view import designs
 
 pytestmark = pytest.mark.usefixtures("quick_programs")
 
@@ -51,6 +55,31 @@ def test_a_maps_scores_are_compares() -> None:
     assert data.attrs["current_score"] == pytest.approx(found.scores[0].value, rel=1e-9)
     counted = pcjax.evaluate(HAND, CIRCLE, trials=30, max_steps=20_000, seed=5)
     assert found.scores[0].value == pytest.approx(counted.score()["index1"].value, rel=1e-6)
+
+
+def test_a_searchs_map_scores_each_hand_as_if_it_were_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Trials that go wrong are left out of all hands; long fingertips that flare leave no room."""
+    lengths, degrees = ((7.0, 3.1, 2.2), (5.5, 3.8, 2.6)), ((88, 75, 70), (95, 70, 60))
+    hand = pcjax.HandDesign(14.0, lengths, tuple(tuple(map(math.radians, d)) for d in degrees))
+    drive, body = pcjax.WristTilt(gravity=980.0), pcjax.Circle(1.4)
+    task = pcjax.Task(body, drive, ("does", "eoen"), 20_000, units="cm")
+    free = {"fingertip_angle_deg": (-30.0, 50.0), "fingertip_length": (0.7, 4.9)}
+    where, scored = pcjax.design_space(hand, free, 2.8), pcjax.Surrogate(task, trials=30)
+    best = np.array([10.0, 2.8])
+    progress = SimpleNamespace(history=[[]])
+    found: Any = SimpleNamespace(best=best, progress=progress, candidates=[(best,)])
+    drawn: list[np.ndarray] = []
+    draw = designs._draw_score
+    monkeypatch.setattr(designs, "_MAP", 3)
+    monkeypatch.setattr(designs, "_draw_score", lambda *a: (drawn.append(a[3]), draw(*a)))
+    designs.draw_map(Figure().subplots(), found, where, scored)
+    for (column, row), design in {(0, 0): (-30.0, 0.7), (1, 0): (10.0, 0.7), (1, 1): best}.items():
+        alone = compare(scored, where, [np.array(design)], trials=30, seed=0)
+        assert alone.invalid == 0
+        assert drawn[0][row, column] == pytest.approx(alone.scores[0].value, rel=1e-6)
+    assert np.isnan(drawn[0][2, 0])
 
 
 def test_hands_without_a_score_are_those_that_are_closed_or_cannot_be() -> None:

@@ -148,12 +148,16 @@ def draw_history(axis: Axes, found: Optimum, surrogate: Surrogate) -> None:
 def draw_map(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogate) -> None:
     """The exact score over two parameters, and the way of each start."""
     xs, ys = (np.linspace(p.low, p.high, _MAP) for p in space.free)
-    grid = [space.nearest_allowed(np.array([x, y]), found.best) for y in ys for x in xs]
+    grid = np.array([space.nearest_allowed(np.array([x, y]), found.best) for y in ys for x in xs])
+    # Without those that have no room for the object: a trial that goes wrong counts for no hand.
+    _, possible = shapes(surrogate, space, grid)
     rough = replace(surrogate, contact_layer=0.0)
     trials = min(surrogate.trials, _MAP_TRIALS)
-    logs = compare(rough, space, grid, trials=trials, seed=0).logs
-    score = np.exp(logs).reshape(_MAP, _MAP)
-    _draw_score(axis, xs, ys, score, "exact score")
+    score = np.full(len(grid), np.nan)
+    score[possible] = np.exp(
+        compare(rough, space, list(grid[possible]), trials=trials, seed=0).logs
+    )
+    _draw_score(axis, xs, ys, score.reshape(_MAP, _MAP), "exact score")
     fine = [np.linspace(p.low, p.high, FINE) for p in space.free]
     gaps, possible = shapes(surrogate, space, np.stack(np.meshgrid(*fine), axis=-1))
     _draw_regions(axis, fine, gaps, possible, space.least_gap(1.0), hatched=False)
