@@ -255,7 +255,7 @@ def lives_of(
     ) / rate
 
 
-@pytest.mark.parametrize("n", [10, 100])
+@pytest.mark.parametrize("n", [10, pytest.param(100, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("rate", [2e-6, 2e-5, 1e-3, 5e-2, 0.5])
 def test_index1_interval_covers_from_nobody_escapes_to_everybody_at_once(rate: float, n: int):
     # 300 samples; 0.2 % escape within the limit at the lowest rate. False alarm: one seed in
@@ -268,7 +268,7 @@ def test_index1_interval_covers_from_nobody_escapes_to_everybody_at_once(rate: f
         assert e.high - e.low > 1e-4 * 1000
 
 
-@pytest.mark.parametrize("n", [10, 100])
+@pytest.mark.parametrize("n", [10, pytest.param(100, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("rates", [(2e-5, 1e-4), (1e-3, 3e-3), (5e-2, 2e-2)])
 def test_score_and_differences_cover_with_few_escapes(rates: tuple[float, float], n: int):
     # 100 samples of pairs that share half of their trials' draws; false alarm as above, six cases

@@ -150,12 +150,15 @@ SHALLOW = box_hand(0.0, gap_width=380.0, fingertip_length=30.0, side_length=200.
     ("scenario", "max_steps", "trials"),
     [
         (does(two_joint_hand(math.radians(55)), Circle(50.0), PlanarArm()), 12_000, 80),
-        (
+        pytest.param(
             does(two_joint_hand(math.radians(65)), Stick(50.0, math.radians(45)), PlanarArm()),
             8_000,
             28,
+            marks=pytest.mark.nightly,  # trial by trial above
         ),
-        (does(SHALLOW, Stick(25.0, math.radians(45))), 15_000, 16),
+        pytest.param(
+            does(SHALLOW, Stick(25.0, math.radians(45))), 15_000, 16, marks=pytest.mark.nightly
+        ),
     ],
     ids=["circle on the arm", "stick on the arm", "stick under wrist tilt"],
 )

@@ -34,6 +34,8 @@ from pcjax.sweep.run import run_sweep
 from pcjax.sweep.store import Store
 from pcjax.view.sweeps import plot_sweep
 
+pytestmark = pytest.mark.usefixtures("quick_programs")
+
 QUICK = Run(trials=60, max_steps=20_000, seed=3)
 STUDY = Study(
     box_hand(),
