@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 import jax
 
 R = TypeVar("R")
 
-QUICKLY = {"xla_backend_optimization_level": 0, "xla_cpu_use_fusion_emitters": False}
-"""Compiler options: a third of the time to compile, and several times as long to run."""
+
+@functools.cache
+def quick_options() -> dict[str, Any]:
+    """Compiler options: a third of the time to compile, and several times as long to run.
+
+    They are the compiler's own, and come and go with its versions; those that it refuses are left
+    out.
+    """
+    known: dict[str, Any] = {}
+    for name, value in {"backend_optimization_level": 0, "cpu_use_fusion_emitters": False}.items():
+        option = {f"xla_{name}": value}
+        try:
+            jax.jit(lambda x: x, compiler_options=option).lower(0.0).compile()
+        except jax.errors.JaxRuntimeError:
+            continue
+        known |= option
+    return known
 
 
 def roomy_size(count: int, least: int) -> int:
@@ -28,4 +44,13 @@ def compiled_quickly(function: Callable[..., R], **static: Any) -> Callable[...,
         function: what to compile.
         static: which arguments are static, as `jax.jit` has it.
     """
-    return cast(Callable[..., R], jax.jit(function, compiler_options=QUICKLY, **static))
+
+    @functools.cache
+    def program() -> Any:  # asked for in the first call: nothing is compiled on import
+        return jax.jit(function, compiler_options=quick_options(), **static)
+
+    @functools.wraps(function)
+    def call(*args: Any, **kwargs: Any) -> R:
+        return program()(*args, **kwargs)
+
+    return call

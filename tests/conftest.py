@@ -13,7 +13,7 @@ import jaxtyping
 import pytest
 
 from pcjax.cli.compilation_cache import VARIABLE, use_compilation_cache
-from pcjax.compiling import QUICKLY
+from pcjax.compiling import quick_options
 
 # Arguments and results of what computes are held against their annotations, shapes included; a
 # whole number is a float, too. What is missing here: `pcjax.geometry`, whose vectors are made by
@@ -60,8 +60,8 @@ def quick_programs() -> Iterator[None]:
     from pcjax.simulate import workers  # after the hook above
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(workers, "_COMPILER_OPTIONS", {"cpu": QUICKLY})
-        patch.setattr(jax, "jit", functools.partial(jax.jit, compiler_options=QUICKLY))
+        patch.setattr(workers, "_COMPILER_OPTIONS", {"cpu": quick_options()})
+        patch.setattr(jax, "jit", functools.partial(jax.jit, compiler_options=quick_options()))
         workers.advance_for.cache_clear()
         yield
     workers.advance_for.cache_clear()

@@ -12,7 +12,7 @@ import pytest
 
 import pcjax
 from pcjax.cli import main
-from pcjax.compiling import QUICKLY
+from pcjax.compiling import quick_options
 from pcjax.components import Registry
 from pcjax.model.bodies.base import BODIES
 from pcjax.model.drives.base import DRIVES
@@ -23,7 +23,7 @@ ROOT = Path(__file__).parent.parent
 SMALL = ("--trials", "10", "--max-steps", "20000")
 """Flags that make a command small; a later flag wins over an earlier one."""
 
-QUICK = {"XLA_FLAGS": " ".join(f"--{flag}={int(value)}" for flag, value in QUICKLY.items())}
+QUICK = {"XLA_FLAGS": " ".join(f"--{flag}={int(value)}" for flag, value in quick_options().items())}
 """Environment of a process whose programs run for a moment (see `quick_programs`)."""
 
 _FENCE = re.compile(r'^```(\w*)(?: title="([^"]+)")?\n(.*?)^```$', re.DOTALL | re.MULTILINE)

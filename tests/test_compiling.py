@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
+import jax
 import pytest
 
+from pcjax.compiling import compiled_quickly, quick_options
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.arm import PlanarArm
@@ -57,3 +60,22 @@ def test_no_number_compiles_anew() -> None:
     for engine in (leaping, stepping):
         assert compiled(replace(engine, goal_layer=0.2), wrist()) <= 1
         assert compiled(replace(engine, goal_layer=0.7), wrist(), wrist(period=8.0)) == 0
+
+
+def test_options_that_the_compiler_does_not_know_are_left_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """They come and go with its versions."""
+    usual, jit = quick_options(), jax.jit
+
+    def newer(function: Any, compiler_options: dict[str, Any]) -> Any:
+        strange = {f"{name}_of_old": value for name, value in compiler_options.items()}
+        return jit(function, compiler_options=strange)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(jax, "jit", newer)
+        assert quick_options.__wrapped__() == {}
+    assert usual["xla_backend_optimization_level"] == 0
+    assert quick_options.__wrapped__() == usual
+    doubled = compiled_quickly(lambda x, times: x * times, static_argnames="times")
+    assert float(doubled(2.0, times=3)) == 6.0
