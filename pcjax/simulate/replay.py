@@ -171,8 +171,7 @@ def _run(scenario: Scenario, seed: Any, trial: Any, periods: int, dt: float) -> 
     return first, path, lag_of(scenario.world(), last, jnp.asarray(step))
 
 
-@compiled_quickly
-def _placements(drive: Drive, seed: Any, trial: Any, periods: Array, times: Array) -> Any:
+def _placed(drive: Drive, seed: Any, trial: Any, periods: Array, times: Array) -> Any:
     """`joints`, `turn`, `pull` and `tilt` of `Frames` at times of some periods."""
     key = trial_key(seed, trial)
 
@@ -193,13 +192,16 @@ def _placements(drive: Drive, seed: Any, trial: Any, periods: Array, times: Arra
     return jax.vmap(one)(periods, times)
 
 
+_placements = compiled_quickly(_placed)
+
+
 def check_in_sight(drive: Drive) -> None:
     """Checks that a film can show what the drive does to the hand.
 
     Raises:
         ValueError: there is no saying where the hand is.
     """
-    jax.eval_shape(_placements, drive, 0, 0, np.zeros(1, np.int32), np.zeros(1))
+    jax.eval_shape(_placed, drive, 0, 0, np.zeros(1, np.int32), np.zeros(1))
 
 
 def pick_trial(
