@@ -19,8 +19,8 @@ def quick_options() -> dict[str, Any]:
     out.
     """
     known: dict[str, Any] = {}
-    for name, value in {"backend_optimization_level": 0, "cpu_use_fusion_emitters": False}.items():
-        option = {f"xla_{name}": value}
+    wanted = {"xla_backend_optimization_level": 0}, {"xla_cpu_use_fusion_emitters": False}
+    for option in wanted:
         try:
             jax.jit(lambda x: x, compiler_options=option).lower(0.0).compile()
         except jax.errors.JaxRuntimeError:
