@@ -25,9 +25,13 @@ class InputWarning(UserWarning):
 
 
 def did_you_mean(word: str, names: Iterable[str]) -> str:
-    """Asks "did you mean NAME? " for the nearest of the names; empty if none is near."""
-    near = difflib.get_close_matches(word, list(names), 1, cutoff=0.6)
-    return f"did you mean {near[0]}? " if near else ""
+    """Asks "did you mean NAME? " for the nearest of the names; empty if none is near.
+
+    The dashes that all flags begin with make none of them near.
+    """
+    known = {name.lstrip("-"): name for name in names}
+    near = difflib.get_close_matches(word.lstrip("-"), known, 1, cutoff=0.6)
+    return f"did you mean {known[near[0]]}? " if near else ""
 
 
 _SPELT = {"\u00b1": "+-", "\u00b0": " deg", "\u2212": "-", "\u00d7": "x", "\u2026": "..."}

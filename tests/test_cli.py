@@ -830,6 +830,7 @@ BAD_WORDS = [
     refused("claims --result here", "--result", "did you mean --results"),
     refused("--versoin", "--versoin", "did you mean --version"),
     refused("evaluate --frobnicate", "--frobnicate"),
+    refused("map --free gap_width", "unknown flag --free (see"),  # and not "did you mean --seed?"
     # No abbreviations: a flag added later must not change what an old command means.
     refused("evaluate --rad 5", "--rad", "did you mean --radius"),
     refused("evaluate 12", "12"),
