@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from pcjax.design.space import DesignSpace, design_space
     from pcjax.model.bodies.base import Body, register_body
     from pcjax.model.bodies.circle import Circle
+    from pcjax.model.bodies.convex import Capsule, Polygon, Rectangle, RegularPolygon, Square
     from pcjax.model.bodies.stick import Stick
     from pcjax.model.contact import ContactLaw
     from pcjax.model.drives.arm import PlanarArm
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 
 _WHERE = {
     "Body": "pcjax.model.bodies.base",
+    "Capsule": "pcjax.model.bodies.convex",
     "Circle": "pcjax.model.bodies.circle",
     "ContactLaw": "pcjax.model.contact",
     "DesignSpace": "pcjax.design.space",
@@ -52,10 +54,14 @@ _WHERE = {
     "Optimum": "pcjax.design.optimize",
     "Pathwise": "pcjax.design.gradients",
     "PlanarArm": "pcjax.model.drives.arm",
+    "Polygon": "pcjax.model.bodies.convex",
     "Ranking": "pcjax.study.compare",
+    "Rectangle": "pcjax.model.bodies.convex",
+    "RegularPolygon": "pcjax.model.bodies.convex",
     "Run": "pcjax.study.spec",
     "Scenario": "pcjax.model.scenario",
     "Settings": "pcjax.design.optimize",
+    "Square": "pcjax.model.bodies.convex",
     "State": "pcjax.physics.state",
     "Stick": "pcjax.model.bodies.stick",
     "Study": "pcjax.study.spec",
@@ -92,6 +98,7 @@ _WHERE = {
 
 __all__ = [
     "Body",
+    "Capsule",
     "Circle",
     "ContactLaw",
     "DesignSpace",
@@ -106,10 +113,14 @@ __all__ = [
     "Optimum",
     "Pathwise",
     "PlanarArm",
+    "Polygon",
     "Ranking",
+    "Rectangle",
+    "RegularPolygon",
     "Run",
     "Scenario",
     "Settings",
+    "Square",
     "State",
     "Stick",
     "Study",

@@ -57,6 +57,7 @@ class Quantity:
         low, high: the allowed range.
         above: whether `low` itself is not allowed.
         count: of how many numbers it consists; None for one number.
+        many: whether it is any number of such values, one or more.
         each: what one of several is called.
         key: its name in study files, without the unit; "" if it is none of theirs.
         flag: its name on the command line; "" if it has none.
@@ -72,6 +73,7 @@ class Quantity:
     high: float = math.inf
     above: bool = False
     count: int | None = None
+    many: bool = False
     each: str = "number"
     key: str = ""
     flag: str = ""
@@ -111,12 +113,16 @@ class Quantity:
 
     def from_file(self, value: Any) -> Any:
         """What is written in a file or a flag, as Python has it."""
+        if self.many:
+            return tuple(map(replace(self, many=False).from_file, value))
         if self.count is not None:
             return tuple(map(replace(self, count=None).from_file, value))
         return math.radians(value) if self.unit == "angle" else value
 
     def to_file(self, value: Any) -> Any:
         """The value as files and the command line have it."""
+        if self.many:
+            return [replace(self, many=False).to_file(one) for one in value]
         if self.count is not None:
             return [replace(self, count=None).to_file(one) for one in value]
         number = float(value)
@@ -135,6 +141,10 @@ class Quantity:
             ValueError: it is out of range. Traced values are not looked at.
         """
         if value is None:
+            return
+        if self.many:
+            for k, one in enumerate(value, start=1):
+                replace(self, many=False, name=f"{self.name} {k}").check(one)
             return
         if self.count is None:
             self._check_one(self.name, value)

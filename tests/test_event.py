@@ -23,9 +23,10 @@ from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.state import INVALID, PASSED, RUNNING
 from pcjax.simulate.batch import run
+from pcjax.simulate.bursts import DRIFT
 from pcjax.simulate.choose import choose_engine
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
-from pcjax.simulate.event import DRIFT, EventDriven
+from pcjax.simulate.event import EventDriven
 from pcjax.simulate.leaping import LONGEST_ARC, Flight, leap
 from pcjax.simulate.outcomes import LIMIT
 from pcjax.simulate.stepping import Stepping

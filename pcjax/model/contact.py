@@ -58,6 +58,17 @@ class ContactLaw(Component):
         converter=_none_if_hard,
     )
 
+    friction: Scalar | None = quantity(
+        "1",
+        "mu, of Coulomb's friction at every contact",
+        default=None,
+        low=0,
+        converter=_none_if_hard,
+        key="friction",
+        flag="friction",
+        usual="0",
+    )
+
     def switch(self, penetration: Scalar) -> Scalar:
         """How far contact is on, from 0 to 1."""
         if self.smoothing is None:

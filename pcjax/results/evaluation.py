@@ -79,8 +79,12 @@ class Evaluation:
                 "radius": float(body.radius),
                 "object_width": float(body.width),
             }
-            # What one has to know of a stick: its angle at the start and its skin.
-            | {n: float(getattr(body, n)) for n in ("orientation", "skin") if hasattr(body, n)}
+            # What one has to know of what turns: its angle at the start and its skin.
+            | {
+                n: float(getattr(body, n))
+                for n in ("orientation", "skin")
+                if body.turns and hasattr(body, n)
+            }
             | conditions(scenarios),
         )
         dataset.outline.attrs["rounding"] = rounding
@@ -330,7 +334,8 @@ class Evaluation:
         for direction in self.directions:
             if stick := self.stick(direction):
                 invalid = self.status(direction)["invalid"]
-                lines.append(stick_text(f"stick, {NAMES[direction]}", **stick, invalid=invalid))
+                name = f"{attrs.get('body', 'Stick').lower()}, {NAMES[direction]}"
+                lines.append(stick_text(name, **stick, invalid=invalid))
         return "\n".join(lines + [wrapped(f"note: {note}") for note in self.notes()])
 
     def _gap_and_width(self, direction: str) -> tuple[float, float]:

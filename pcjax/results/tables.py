@@ -54,7 +54,12 @@ def interval_text(estimate: Estimate, form: str) -> str:
 def stick_text(
     name: str, *, penetration: float, skin: float, travel: float, undone: float, invalid: int
 ) -> str:
-    """How well a stick's contacts were resolved, in a line or two."""
+    """How well the contacts of what turns were resolved, in a line or two."""
+    if not travel > 0:  # by an engine that takes no steps
+        return wrapped(
+            f"{name}: worst overlap {penetration:.2g} of a skin of {skin:.2g}, "
+            f"{invalid:,} trials went wrong"
+        )
     return wrapped(
         f"{name}: worst penetration {penetration:.2g} of a skin of {skin:.2g}, farthest travel in "
         f"a step {travel:.3g}, {undone:,.0f} steps undone, {invalid:,} trials went wrong"

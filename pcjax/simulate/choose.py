@@ -94,4 +94,13 @@ def _first(scenarios: Sequence[Scenario], dt: float | None, family: type[E]) -> 
             and not any(map(kind.obstacle, scenarios))
         ):
             return kind
-    raise ValueError("no engine takes this of its own accord: name one")
+    reasons = {
+        kind.noun: found
+        for kind in in_order_of_preference()
+        for found in map(kind.obstacle, scenarios)
+        if found
+    }
+    if not reasons:
+        raise ValueError("no engine takes this of its own accord: name one")
+    listed = "; ".join(f"{noun}: {found}" for noun, found in reasons.items())
+    raise ValueError(f"no engine can run this: {listed}")

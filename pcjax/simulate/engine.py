@@ -12,7 +12,9 @@ from pcjax.simulate.cloud import Cloud
 from pcjax.simulate.outcomes import Outcomes
 
 ENGINES: Registry[Engine] = Registry(
-    "engine", "pcjax.engines", ("pcjax.simulate.event", "pcjax.simulate.stepping")
+    "engine",
+    "pcjax.engines",
+    ("pcjax.simulate.event", "pcjax.simulate.stepping", "pcjax.simulate.convex"),
 )
 """How trials are run, as study files and flags can name it."""
 

@@ -16,6 +16,7 @@ from jaxtyping import Array, Int, Integer
 from pcjax.components import quantity
 from pcjax.geometry import Scalar
 from pcjax.model.scenario import Scenario, World
+from pcjax.physics.contact.table import registered_contact
 from pcjax.physics.state import PAPER_DT, PASSED, RUNNING, State
 from pcjax.physics.step import advance, begin
 from pcjax.simulate.batch import LaneEngine
@@ -42,6 +43,15 @@ class FixedSteps(LaneEngine):
     Arguments:
         goal_layer: see `LaneEngine`.
     """
+
+    @classmethod
+    def obstacle(cls, scenario: Scenario) -> str | None:
+        """Why it does not apply to a scenario; None where it does."""
+        if scenario.law.friction is not None:
+            return "it knows contact without friction"
+        if scenario.body.convex and registered_contact(scenario.body) is None:
+            return "of bodies with a shape it knows the stick"
+        return None
 
     def steps_wanted(self, period: float) -> float:
         """How many steps a period of `period` seconds should have at least."""

@@ -136,8 +136,12 @@ class Reader:
 
     def value(self, where: str, key: str, what: Quantity) -> Any:
         """A parameter as Python has it."""
-        count = what.count
-        value = self.number(where, key) if count is None else self.numbers(where, key, count)
+        if what.many:
+            value = self.places(where, key)
+        elif what.count is None:
+            value = self.number(where, key)
+        else:
+            value = self.numbers(where, key, what.count)
         self.sound(where, lambda: what.in_file().check(value))
         return what.from_file(value)
 
@@ -304,6 +308,14 @@ class Reader:
         found = tuple(map(_float, value))
         self.doubt(where, key, found)
         return found
+
+    def places(self, where: str, key: str) -> list[list[float]]:
+        value = self.table(where)[key]
+        good = isinstance(value, list) and len(value) > 0
+        good = good and all(isinstance(row, list) and len(row) == 2 for row in value)
+        if not good or not all(map(is_number, itertools.chain(*value))):
+            raise ValueError(f"[{where}] {key} is {value!r}: it has to be a list of places [x, y]")
+        return [[_float(x) for x in row] for row in value]
 
     def rows(self, key: str) -> list[list[float]]:
         value = self.table("hand").get(key)

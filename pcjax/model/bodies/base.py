@@ -13,7 +13,9 @@ from pcjax.components import Component, Registry, quantity
 from pcjax.geometry import Scalar, Vec
 
 BODIES: Registry[Body] = Registry(
-    "body", "pcjax.bodies", ("pcjax.model.bodies.circle", "pcjax.model.bodies.stick")
+    "body",
+    "pcjax.bodies",
+    ("pcjax.model.bodies.circle", "pcjax.model.bodies.stick", "pcjax.model.bodies.convex"),
 )
 """The objects that study files and flags can name."""
 
@@ -45,12 +47,15 @@ class Body(Component):
         longest_step: the longest step, s, that accuracy allows whatever the speed.
         usual_max_steps: the limit in steps of 0.001 s unless one is given; None for the drive's.
         noun: what messages call it, before its radius.
+        convex: whether it is a rounded convex polygon and has `vertices`, `skin` and
+            `per_gyration`, as `pcjax.model.bodies.convex.Convex` has them.
     """
 
     turns: ClassVar[bool] = False
     longest_step: ClassVar[float] = math.inf
     usual_max_steps: ClassVar[int | None] = None
     noun: ClassVar[str] = "object of radius"
+    convex: ClassVar[bool] = False
 
     if TYPE_CHECKING:  # for a field or a property of the subclass
         radius: Scalar = eqx.field(init=False)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 from pcjax.components import quantity
-from pcjax.geometry import Scalar
+from pcjax.geometry import Scalar, Vec
 from pcjax.model.bodies.base import Body, register_body, size_field
 
 
@@ -31,8 +33,25 @@ class Circle(Body):
     mass: Scalar = quantity("mass", "M_o", default=1.0, low=0, above=True)
 
     noun = "circle of radius"
+    convex = True
 
     @property
     def width(self) -> Scalar:
         """The narrowest gap that it fits through."""
         return 2 * self.radius
+
+    @property
+    def vertices(self) -> tuple[Vec, ...]:
+        """Its centre: a polygon of one vertex, rounded."""
+        zero = 0.0 * self.radius
+        return (Vec(zero, zero),)
+
+    @property
+    def skin(self) -> Scalar:
+        """The rounding: its radius."""
+        return self.radius
+
+    @property
+    def per_gyration(self) -> Scalar:
+        """1 over the radius of gyration, sqrt(2) / r_o."""
+        return math.sqrt(2.0) / self.radius

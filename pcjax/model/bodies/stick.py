@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from pcjax.components import quantity
 from pcjax.geometry import Scalar, Scalars, Vec
 from pcjax.model.bodies.base import Body, register_body, size_field
@@ -48,6 +50,7 @@ class Stick(Body):
     longest_step = 0.01
     usual_max_steps = 180_000
     noun = "stick of half length"
+    convex = True
 
     @property
     def radius(self) -> Scalars:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -63,6 +66,16 @@ class Stick(Body):
     def skin(self) -> Scalar:
         """The distance from limbs at which contact begins; see `SKIN`."""
         return SKIN * self.half_length
+
+    @property
+    def vertices(self) -> tuple[Vec, ...]:
+        """Its ends: a polygon of two vertices, rounded by its skin."""
+        return self.outline()[0]
+
+    @property
+    def per_gyration(self) -> Scalar:
+        """1 over the radius of gyration, sqrt(3) / r_o."""
+        return math.sqrt(3.0) / self.half_length
 
     @property
     def width(self) -> Scalar:

@@ -1,0 +1,408 @@
+"""Convex things: a polygon with rounded corners, and its cases by a few numbers."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+
+from pcjax.checks import check_count, check_positive
+from pcjax.components import quantity
+from pcjax.geometry import Scalar, Vec, unit_and_length
+from pcjax.model.bodies.base import Body, register_body
+
+SKIN = 2e-4
+"""Least share of a body's radius by which its polygon is rounded: wide enough that rounding errors
+cannot hide on which side of a limb it is, and far thinner than anything else."""
+
+MOST_VERTICES = 16
+
+
+def _orientation() -> Any:
+    return quantity(
+        "angle",
+        "its angle from the palm at the start",
+        default=0.0,
+        key="orientation",
+        flag="orientation",
+    )
+
+
+def _rounding() -> Any:
+    return quantity(
+        "length", "radius of its corners", default=0.0, low=0, key="rounding", flag="rounding"
+    )
+
+
+def _mass() -> Any:
+    return quantity("mass", "M_o", default=1.0, low=0, above=True)
+
+
+class Convex(Body):
+    """A convex polygon with rounded corners, of uniform density.
+
+    What it is made of is its `core`: the polygon of the centres of its corners' circles. Centre of
+    mass and moment of inertia are those of the core inflated by `rounding`.
+
+    Attributes:
+        rounding: the corners' radius, a length. It is taken as `SKIN` times the body's radius
+            where it is less.
+        orientation: angle from the palm at the start of a trial, radians.
+        mass: M_o; it cancels from the indices.
+    """
+
+    turns = True
+    convex = True
+
+    if TYPE_CHECKING:  # for fields or properties of the subclass
+        rounding: Scalar = eqx.field(init=False)
+        orientation: Scalar = eqx.field(init=False)
+        mass: Scalar = eqx.field(init=False)
+
+    def core(self) -> tuple[Vec, ...]:
+        """The polygon's vertices, counterclockwise, in axes of the body's own."""
+        raise NotImplementedError
+
+    @property
+    def vertices(self) -> tuple[Vec, ...]:
+        """The core's vertices seen from the centre of mass."""
+        core = self.core()
+        centre = moments(core, self.rounding)[1]
+        return tuple(vertex - centre for vertex in core)
+
+    @property
+    def radius(self) -> Scalar:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Of the circle about the centre of mass in which it can turn."""
+        return _farthest(self.vertices) + self.rounding
+
+    @property
+    def skin(self) -> Scalar:
+        """The rounding that contact takes: at least `SKIN` of the radius."""
+        return jnp.maximum(self.rounding, SKIN * self.radius)
+
+    @property
+    def inertia(self) -> Scalar:
+        """About the centre of mass."""
+        area, centre, second = moments(self.core(), self.rounding)
+        return self.mass * (second / area - centre.dot(centre))
+
+    @property
+    def per_gyration(self) -> Scalar:
+        """1 over the radius of gyration."""
+        return jnp.sqrt(self.mass / self.inertia)
+
+    @property
+    def width(self) -> Scalar:
+        """The narrowest gap that it fits through: its least width."""
+        return least_width(self.core()) + 2.0 * self.rounding
+
+    def outline(self) -> tuple[tuple[Vec, ...], Scalar]:
+        """Its vertices and their rounding."""
+        return self.vertices, self.rounding
+
+
+def _farthest(vertices: tuple[Vec, ...]) -> Scalar:
+    far = unit_and_length(vertices[0])[1]
+    for vertex in vertices[1:]:
+        far = jnp.maximum(far, unit_and_length(vertex)[1])
+    return far
+
+
+def _edges(core: tuple[Vec, ...]) -> list[tuple[Vec, Vec]]:
+    return list(zip(core, (*core[1:], core[0]), strict=True))
+
+
+def moments(core: tuple[Vec, ...], rounding: Scalar) -> tuple[Scalar, Vec, Scalar]:
+    """Area, centre and second moment about the origin of a polygon inflated by a radius.
+
+    The inflated polygon is the polygon, a rectangle on each edge, and a sector at each vertex.
+    """
+    area: Any = 0.0
+    first = Vec(0.0 * core[0].x, 0.0 * core[0].y)
+    second: Any = 0.0
+
+    def add(more: Scalar, offset: Vec, about: Scalar) -> None:
+        """A part: its area, its first moment, and its second moment about the origin."""
+        nonlocal area, first, second
+        area, first, second = area + more, first + offset, second + about
+
+    normals = []
+    for a, b in _edges(core):
+        twice = a.cross(b)
+        both = a + b
+        add(twice / 2, both * (twice / 6), twice * (a.dot(a) + a.dot(b) + b.dot(b)) / 12)
+        along, length = unit_and_length(b - a)
+        normal = Vec(along.y, -along.x)
+        normals.append(normal)
+        flank, middle = length * rounding, both * 0.5 + normal * (0.5 * rounding)
+        own = (length * length + rounding * rounding) / 12
+        add(flank, middle * flank, flank * (middle.dot(middle) + own))
+    for k, vertex in enumerate(core):
+        before, after = normals[k - 1], normals[k]
+        turn = jnp.abs(jnp.arctan2(before.cross(after), before.dot(after)))
+        turn = 2 * math.pi if len(core) == 1 else turn
+        sector = 0.5 * turn * rounding * rounding
+        cubed = rounding * rounding * rounding / 3
+        swept = Vec(after.y - before.y, before.x - after.x) * cubed
+        about = sector * (vertex.dot(vertex) + 0.5 * rounding * rounding) + 2 * vertex.dot(swept)
+        add(sector, vertex * sector + swept, about)
+    return area, first * (1 / area), second
+
+
+def least_width(core: tuple[Vec, ...]) -> Scalar:
+    """The least distance between two parallel lines that have a convex polygon between them."""
+    width: Any = math.inf
+    for a, b in _edges(core):
+        along, length = unit_and_length(b - a)
+        height = along.cross(core[0] - a)
+        for vertex in core[1:]:
+            height = jnp.maximum(height, along.cross(vertex - a))
+        width = jnp.minimum(width, jnp.where(length > 0, height, 0.0))
+    return width
+
+
+def check_convex(core: tuple[Vec, ...]) -> tuple[Vec, ...]:
+    """The polygon counterclockwise, for plain numbers; traced ones are taken as they are.
+
+    Raises:
+        ValueError: too many vertices, two that are the same, or an outline that is not convex.
+    """
+    if not 1 <= len(core) <= MOST_VERTICES:
+        raise ValueError(f"vertices: there are {len(core)}, and 1 to {MOST_VERTICES} are allowed")
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(core)):
+        return core
+    places = np.array([[float(vertex.x), float(vertex.y)] for vertex in core])
+    if not np.isfinite(places).all():
+        raise ValueError("vertices: every one has to be two finite numbers")
+    size = max(float(np.ptp(places, axis=0).max()), 1e-300)
+    for k, place in enumerate(places):
+        for other in range(k):
+            if np.abs(place - places[other]).max() < _SAME * size:
+                raise ValueError(
+                    f"vertices {other + 1} and {k + 1} are the same, ({place[0]:g}, {place[1]:g})"
+                )
+    if len(core) < 3:
+        return core
+    edges = np.roll(places, -1, axis=0) - places
+    ahead = np.roll(edges, -1, axis=0)
+    turns = edges[:, 0] * ahead[:, 1] - edges[:, 1] * ahead[:, 0]
+    scale = np.hypot(*edges.T) * np.hypot(*ahead.T)
+    area = np.sum(
+        places[:, 0] * np.roll(places[:, 1], -1) - places[:, 1] * np.roll(places[:, 0], -1)
+    )
+    if abs(area) < _SAME * size * size:
+        raise ValueError("vertices: they lie on one line; two are enough for a rod")
+    if area < 0:
+        return check_convex(core[:1] + core[:0:-1])
+    if (turns < -_SAME * scale).any():
+        bad = (int(np.argmin(turns)) + 1) % len(core) + 1
+        raise ValueError(
+            f"vertices: the outline is not convex at vertex {bad}; only convex bodies can be run"
+        )
+    angles = np.arctan2(turns, np.sum(edges * ahead, axis=1))
+    if angles.sum() > 2 * math.pi + 1e-6:
+        raise ValueError(
+            "vertices: the outline winds more than once around, so that it crosses itself"
+        )
+    return core
+
+
+_SAME = 1e-6
+"""Share of its size by which something has to differ from nothing."""
+
+
+@register_body("polygon")
+class Polygon(Convex):
+    """A convex polygon by its vertices, inflated by `rounding`.
+
+    Arguments:
+        corners: the vertices (x, y), lengths, in either sense around; 1 to 16.
+        rounding: by which the polygon is inflated.
+        orientation: angle from the palm at the start of a trial, radians.
+        mass: M_o.
+
+    Raises:
+        ValueError: an outline that is not convex, that crosses itself or has no area, a vertex
+            twice, too many of them, or a number out of range.
+
+    Examples:
+        >>> import pcjax
+        >>> triangle = pcjax.Polygon(((0, 0), (60, 0), (0, 80)))
+        >>> round(float(triangle.width), 1)  # the height over the longest side
+        48.0
+    """
+
+    corners: tuple[tuple[Scalar, Scalar], ...] = quantity(
+        "length", "its vertices (x, y)", key="vertices", count=2, many=True, each="coordinate"
+    )
+    rounding: Scalar = _rounding()
+    orientation: Scalar = _orientation()
+    mass: Scalar = _mass()
+
+    noun = "polygon of radius"
+
+    def __check_init__(self) -> None:
+        check_convex(tuple(Vec(*corner) for corner in self.corners))
+        if len(self.corners) == 1:
+            check_positive("rounding of a single vertex", self.rounding)
+
+    def core(self) -> tuple[Vec, ...]:
+        """The vertices, counterclockwise."""
+        return check_convex(tuple(Vec(*corner) for corner in self.corners))
+
+
+def _side(help: str, key: str, **more: Any) -> Any:
+    return quantity("length", help, low=0, above=True, key=key, flag=key, **more)
+
+
+def _check_rounding(rounding: Scalar, half: Scalar, of: str) -> None:
+    if isinstance(rounding, (int, float)) and isinstance(half, (int, float)) and rounding >= half:
+        raise ValueError(f"rounding is {rounding:g}: it has to be less than half of {of}, {half:g}")
+
+
+@register_body("square")
+class Square(Convex):
+    """A square with rounded corners.
+
+    Arguments:
+        side: from side to side.
+        rounding: its corners' radius, less than half of the side.
+        orientation: angle from the palm at the start of a trial, radians.
+        mass: M_o.
+
+    Raises:
+        ValueError: a number out of range.
+
+    Examples:
+        >>> import pcjax
+        >>> square = pcjax.Square(60.0)
+        >>> float(square.width)
+        60.0
+        >>> round(float(square.inertia), 3)  # M a^2 / 6
+        600.0
+    """
+
+    side: Scalar = _side("from side to side", "side")
+    rounding: Scalar = _rounding()
+    orientation: Scalar = _orientation()
+    mass: Scalar = _mass()
+
+    noun = "square of radius"
+
+    def __check_init__(self) -> None:
+        _check_rounding(self.rounding, self.side / 2, "the side")
+
+    def core(self) -> tuple[Vec, ...]:
+        """Four vertices."""
+        half = self.side / 2 - self.rounding
+        return _box(half, half)
+
+
+def _box(wide: Scalar, high: Scalar) -> tuple[Vec, ...]:
+    return Vec(-wide, -high), Vec(wide, -high), Vec(wide, high), Vec(-wide, high)
+
+
+@register_body("rectangle")
+class Rectangle(Convex):
+    """A rectangle with rounded corners.
+
+    Arguments:
+        sides: along the palm at orientation 0, and square to it.
+        rounding: its corners' radius, less than half of the shorter side.
+        orientation: angle from the palm at the start of a trial, radians.
+        mass: M_o.
+
+    Raises:
+        ValueError: a number out of range.
+    """
+
+    sides: tuple[Scalar, Scalar] = _side("its sides", "sides", count=2, each="side")
+    rounding: Scalar = _rounding()
+    orientation: Scalar = _orientation()
+    mass: Scalar = _mass()
+
+    noun = "rectangle of radius"
+
+    def __check_init__(self) -> None:
+        for side in self.sides:
+            _check_rounding(self.rounding, side / 2, "each side")
+
+    def core(self) -> tuple[Vec, ...]:
+        """Four vertices."""
+        wide, high = (side / 2 - self.rounding for side in self.sides)
+        return _box(wide, high)
+
+
+@register_body("capsule")
+class Capsule(Convex):
+    """A rod with round ends.
+
+    Arguments:
+        length: from end to end, along the palm at orientation 0.
+        thickness: from side to side, less than the length.
+        orientation: angle from the palm at the start of a trial, radians.
+        mass: M_o.
+
+    Raises:
+        ValueError: a number out of range.
+    """
+
+    length: Scalar = _side("from end to end", "length")
+    thickness: Scalar = _side("from side to side", "thickness")
+    orientation: Scalar = _orientation()
+    mass: Scalar = _mass()
+
+    noun = "capsule of radius"
+
+    def __check_init__(self) -> None:
+        _check_rounding(self.thickness / 2, self.length / 2, "the length")
+
+    @property
+    def rounding(self) -> Scalar:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Half of the thickness."""
+        return self.thickness / 2
+
+    def core(self) -> tuple[Vec, ...]:
+        """Two vertices."""
+        half, zero = (self.length - self.thickness) / 2, 0.0 * self.length
+        return Vec(-half, zero), Vec(half, zero)
+
+
+@register_body("regular")
+class RegularPolygon(Convex):
+    """A regular polygon with rounded corners; at orientation 0 a vertex points along the palm.
+
+    Arguments:
+        number: of vertices, 3 to 16.
+        circumradius: from the centre to the sharp corners that rounding takes off.
+        rounding: its corners' radius, less than that of the circle in it.
+        orientation: angle from the palm at the start of a trial, radians.
+        mass: M_o.
+
+    Raises:
+        ValueError: a number out of range.
+    """
+
+    number: int = eqx.field(static=True)
+    circumradius: Scalar = _side("from the centre to the sharp corners", "circumradius")
+    rounding: Scalar = _rounding()
+    orientation: Scalar = _orientation()
+    mass: Scalar = _mass()
+
+    noun = "polygon of radius"
+
+    def __check_init__(self) -> None:
+        check_count("number", self.number, 3, MOST_VERTICES)
+        inner = self.circumradius * math.cos(math.pi / self.number)
+        _check_rounding(self.rounding, inner, "the circle in it")
+
+    def core(self) -> tuple[Vec, ...]:
+        """Vertices on a circle."""
+        radius = self.circumradius - self.rounding / math.cos(math.pi / self.number)
+        angles = [2 * math.pi * k / self.number for k in range(self.number)]
+        return tuple(Vec(radius * math.cos(a), radius * math.sin(a)) for a in angles)

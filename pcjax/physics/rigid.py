@@ -1,0 +1,347 @@
+"""What several contacts do to a rigid body at once: pushes, impacts with friction, and forces.
+
+Velocities are triples (v_x, v_y, kappa omega), with kappa the radius of gyration, so that kinetic
+energy is half their square; a contact's normal and tangent are directions in that space. With them
+of unit length, what pushes along one do to another is a cosine, and the pushes that a set of
+contacts needs follow from a small system of linear equations. Which contacts are in the set is
+decided by cases: of all sets of up to three, the one whose solution pulls at none and leaves none
+out.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from pcjax.geometry import Flag, Scalar, Vec, fence, fence_all
+from pcjax.physics.contact.manifold import Contact, left_of
+
+NOT_NEEDED = -1e30
+"""What a contact that is off needs."""
+
+Table = list[list[Scalar]]
+
+
+class Rate(NamedTuple):
+    """A velocity or acceleration (x, y, kappa omega)."""
+
+    x: Scalar
+    y: Scalar
+    turn: Scalar
+
+    def plus(self, other: Rate, factor: Scalar) -> Rate:
+        """With so much of another one."""
+        return Rate(*(a + b * factor for a, b in zip(self, other, strict=True)))
+
+    def plus_all(self, others: Sequence[Rate], factors: Sequence[Scalar]) -> Rate:
+        """With so much of each of several."""
+        for other, factor in zip(others, factors, strict=True):
+            self = self.plus(other, factor)
+        return self
+
+    def dot(self, other: Rate) -> Scalar:
+        return self.x * other.x + self.y * other.y + self.turn * other.turn
+
+    def cross(self, other: Rate) -> Rate:
+        return Rate(
+            self.y * other.turn - self.turn * other.y,
+            self.turn * other.x - self.x * other.turn,
+            self.x * other.y - self.y * other.x,
+        )
+
+
+class Direction(eqx.Module):
+    """A contact's normal or tangent.
+
+    Attributes:
+        row: of unit length.
+        size: the length that it had, so that `row.dot(velocity) * size` is a speed.
+        lever: the turn's part of it before.
+    """
+
+    row: Rate
+    size: Scalar
+    lever: Scalar
+
+    @classmethod
+    def of(cls, vector: Vec, lever: Vec, per_gyration: Scalar, barrier: Scalar) -> Direction:
+        """A direction in the plane that acts with a lever; 1 / kappa is 0 where nothing turns."""
+        arm = lever.cross(vector) * per_gyration
+        size = fence(jnp.sqrt(1.0 + arm * arm), barrier)
+        row = Rate(vector.x / size, vector.y / size, arm / size)
+        return fence_all(cls(row, size, arm), barrier)
+
+    def speed(self, moving: Rate) -> Scalar:
+        """The contact's speed along it."""
+        return self.row.dot(moving) * self.size
+
+
+class Rows(eqx.Module):
+    """The contacts' directions, and the cosines of the angles between normals."""
+
+    normals: list[Direction]
+    tangents: list[Direction]
+    cosines: Table
+
+    @classmethod
+    def of(cls, found: Sequence[Contact], per_gyration: Scalar, barrier: Scalar) -> Rows:
+        """From the contacts and 1 / kappa."""
+        normals = [Direction.of(c.normal, c.lever, per_gyration, barrier) for c in found]
+        tangents = [Direction.of(left_of(c.normal), c.lever, per_gyration, barrier) for c in found]
+        upper = {
+            (a, b): fence(normals[a].row.dot(normals[b].row), barrier)
+            for a, b in itertools.combinations(range(len(found)), 2)
+        }
+        cosines = [
+            [1.0 if a == b else upper[min(a, b), max(a, b)] for b in range(len(found))]
+            for a in range(len(found))
+        ]
+        return cls(normals, tangents, cosines)
+
+    def settle(self, moving: Rate, pushes: Sequence[Scalar], barrier: Scalar) -> Rate:
+        """The velocity, or acceleration, with pushes along the normals."""
+        rows = [normal.row for normal in self.normals]
+        return Rate(*fence_all(tuple(moving.plus_all(rows, pushes)), barrier))
+
+
+def _by_cases(
+    cosines: Table,
+    need: Sequence[Scalar],
+    judge: Callable[[dict[int, Scalar]], Scalar],
+    barrier: Scalar,
+) -> list[Scalar]:
+    """The pushes that give a set of contacts what they need, for the set that is judged lowest.
+
+    Arguments:
+        cosines: between the normals.
+        need: by contact.
+        judge: of the pushes of a set, by contact.
+        barrier: a 1 for `fence`.
+    """
+    count, zero = len(need), 0.0 * need[0]
+    sets: list[tuple[dict[int, Scalar], Any]] = [({}, True)]
+    sets += [({a: need[a]}, True) for a in range(count)]
+    for a, b in itertools.combinations(range(count), 2):
+        cosine = cosines[a][b]
+        left = 1.0 - cosine * cosine
+        fine = left > 1e-6
+        inverse = 1.0 / jnp.where(fine, left, 1.0)
+        pushes: dict[int, Scalar] = {
+            a: (need[a] - cosine * need[b]) * inverse,
+            b: (need[b] - cosine * need[a]) * inverse,
+        }
+        sets.append((pushes, fine))
+    for a, b, c in itertools.combinations(range(count), 3):
+        ab, ac, bc = cosines[a][b], cosines[a][c], cosines[b][c]
+        left = 1.0 + 2.0 * ab * ac * bc - ab * ab - ac * ac - bc * bc
+        fine = left > 1e-5
+        inverse = 1.0 / jnp.where(fine, left, 1.0)
+        mixed_ab, mixed_ac, mixed_bc = ac * bc - ab, ab * bc - ac, ab * ac - bc
+        na, nb, nc = need[a], need[b], need[c]
+        pushes: dict[int, Scalar] = {
+            a: ((1.0 - bc * bc) * na + mixed_ab * nb + mixed_ac * nc) * inverse,
+            b: (mixed_ab * na + (1.0 - ac * ac) * nb + mixed_bc * nc) * inverse,
+            c: (mixed_ac * na + mixed_bc * nb + (1.0 - ab * ab) * nc) * inverse,
+        }
+        sets.append((pushes, fine))
+    best, chosen = None, [zero] * count
+    for pushes, fine in sets:
+        score = jax.lax.stop_gradient(jnp.where(fine, judge(pushes), jnp.inf))
+        better = True if best is None else score < best
+        best = score if best is None else jnp.minimum(score, best)
+        chosen = [jnp.where(better, pushes.get(a, zero), chosen[a]) for a in range(count)]
+    return [fence(push, barrier) for push in chosen]
+
+
+def least_pushes(
+    cosines: Table,
+    need: Sequence[Scalar],
+    barrier: Scalar,
+    exactly: Sequence[Flag] | None = None,
+) -> list[Scalar]:
+    """The least pushes along the normals, none negative, that give each contact what it needs.
+
+    `cosines @ pushes >= need`, with equality where a push is not 0: the projection onto a cone of
+    up to four half-spaces in three dimensions.
+
+    Arguments:
+        cosines: between the normals.
+        need: by contact; NOT_NEEDED where it is off.
+        barrier: a 1 for `fence`.
+        exactly: which contacts are to get what they need and no more, by a pull if need be.
+    """
+
+    def miss(pushes: dict[int, Scalar]) -> Scalar:
+        """The largest pull, or the most that one outside of the set lacks."""
+        worst = 0.0 * need[0]
+        for a in range(len(need)):
+            if a in pushes:
+                wrong = -pushes[a]
+                wrong = wrong if exactly is None else jnp.where(exactly[a], 0.0, wrong)
+            else:
+                wrong = need[a] - sum(cosines[a][b] * push for b, push in pushes.items())
+                wrong = wrong if exactly is None else jnp.where(exactly[a], jnp.abs(wrong), wrong)
+            worst = jnp.maximum(worst, wrong)
+        return worst
+
+    pushes = _by_cases(cosines, need, miss, barrier)
+    if exactly is None:
+        return [jnp.maximum(push, 0.0) for push in pushes]
+    return [
+        jnp.where(exact, push, jnp.maximum(push, 0.0))
+        for exact, push in zip(exactly, pushes, strict=True)
+    ]
+
+
+def impact(
+    approach: Scalar,
+    slip: Scalar,
+    normal_lever: Scalar,
+    tangent_lever: Scalar,
+    friction: Scalar,
+    restitution: Scalar,
+) -> tuple[Scalar, Scalar]:
+    """The impulses, for a unit of mass, along normal and tangent in one impact.
+
+    Poisson's hypothesis with Coulomb's friction, by Routh's method: see Wang and Mason, "Two-
+    dimensional rigid-body collisions with friction" (1992). Slip falls with the normal impulse and
+    may stop; then the contact sticks or slides the other way. The impulse is 1 + e times what it is
+    when the approach ends, so that no impact creates energy.
+
+    Arguments:
+        approach: the speed against the normal, at least 0.
+        slip: the speed along the tangent.
+        normal_lever, tangent_lever: the lever's cross product with either, over kappa.
+        friction, restitution: mu and e.
+    """
+    nn, tt = 1.0 + normal_lever * normal_lever, 1.0 + tangent_lever * tangent_lever
+    nt = normal_lever * tangent_lever
+    side = jnp.sign(slip)
+    slip_rate, rate = nt - friction * side * tt, nn - friction * side * nt
+    stops = side * slip_rate < 0
+    until = jnp.where(stops, -slip / jnp.where(stops, slip_rate, 1.0), jnp.inf)
+    until = jnp.where(side == 0, 0.0, until)
+    sticks = jnp.abs(nt) <= friction * tt
+    after = jnp.where(sticks, -nt / tt, -friction * jnp.sign(nt))
+    rate_after = nn + after * nt
+    early = (rate > 0) & (approach <= rate * until)
+    first = jnp.where(early, 0.0, until)
+    met = jnp.where(
+        early,
+        approach / jnp.where(early, rate, 1.0),
+        first + (approach - rate * first) / rate_after,
+    )
+    whole = (1.0 + restitution) * met
+    before = jnp.minimum(whole, until)
+    return whole, -friction * side * before + after * (whole - before)
+
+
+def at_rest_under(
+    rows: Rows, on: Sequence[Flag], ratio: Sequence[Scalar], pull: Rate, size: Scalar
+) -> Flag:
+    """Whether contacts that stick can hold a body at rest: whether what pulls at it is balanced by
+    forces within their cones of friction.
+
+    What lies in the cone of many rays in three dimensions lies in that of three of them
+    (Caratheodory). So all sets of three rays are tried.
+
+    Arguments:
+        rows: the contacts.
+        on: which of them there are.
+        ratio: the largest push along the tangent for a push along the normal.
+        pull: the acceleration without contact.
+        size: its length, not 0.
+    """
+    normals = [normal.row for normal in rows.normals]
+    tangents = [tangent.row for tangent in rows.tangents]
+    normals, tangents, ratio, pull, size = jax.lax.stop_gradient(
+        (normals, tangents, list(ratio), pull, size)
+    )
+    wanted = Rate(*(-part / size for part in pull))
+    rays = [
+        Rate(
+            *(jnp.where(on[a], part, 0.0) for part in normals[a].plus(tangents[a], side * ratio[a]))
+        )
+        for a in range(len(on))
+        for side in (1.0, -1.0)
+    ]
+    across = {pair: rays[pair[0]].cross(rays[pair[1]]) for pair in _pairs(len(rays))}
+    wants = {pair: wanted.dot(normal) for pair, normal in across.items()}
+    held = jnp.asarray(False)
+    for a, b, c in itertools.combinations(range(len(rays)), 3):
+        volume = rays[a].dot(across[b, c])
+        way, room = jnp.sign(volume), jnp.abs(volume)
+        slack = -1e-5 * room
+        balanced = (way * wants[b, c] >= slack) & (way * wants[a, b] >= slack)
+        held = held | ((room > 1e-4) & balanced & (-way * wants[a, c] >= slack))
+    return held
+
+
+def _pairs(count: int) -> list[tuple[int, int]]:
+    return list(itertools.combinations(range(count), 2))
+
+
+SWEEPS = 16
+"""Rounds in which forces with friction settle."""
+
+
+def forces_with_friction(
+    rows: Rows,
+    need: Sequence[Scalar],
+    need_along: Sequence[Scalar],
+    slip: Sequence[Scalar],
+    sticks: Sequence[Flag],
+    ratio: Sequence[Scalar],
+    barrier: Scalar,
+) -> tuple[list[Scalar], list[Scalar]]:
+    """The forces, as pushes along the normals and tangents, of contacts that stick or slide.
+
+    By projected Gauss-Seidel: no contact pulls, one that slides rubs against its slip, one that
+    sticks is held by as much as its cone allows.
+
+    Arguments:
+        rows: the contacts.
+        need, need_along: the accelerations that keep each contact from closing, NOT_NEEDED where
+            it is off, and from slipping.
+        slip: speeds along the tangents.
+        sticks: whether a contact does not slip.
+        ratio: the largest push along the tangent for a push along the normal.
+        barrier: a 1 for `fence`.
+    """
+    count = len(need)
+    every = [d.row for d in (*rows.normals, *rows.tangents)]
+    cosines = {
+        pair: fence(every[pair[0]].dot(every[pair[1]]), barrier) for pair in _pairs(2 * count)
+    }
+    drag = [jnp.where(slip[a] > 0, -ratio[a], ratio[a]) for a in range(count)]
+    own = [1.0 + cosines[a, count + a] * drag[a] for a in range(count)]
+    own = [jnp.where(sticks[a], 1.0, jnp.maximum(own[a], 0.1)) for a in range(count)]
+    drag, own = fence_all((drag, own), barrier)
+
+    def sweep(_: Any, pushes: list[Scalar]) -> list[Scalar]:
+        pushes = list(pushes)
+
+        def lack(wanted: Scalar, a: int) -> Scalar:
+            """What it still needs, not counting its own push."""
+            for b, push in enumerate(pushes):
+                if b != a:
+                    wanted = wanted - cosines[min(a, b), max(a, b)] * push
+            return wanted
+
+        for a in range(count):
+            change = (lack(need[a], a) - pushes[a]) / own[a]
+            pushes[a] = fence(jnp.maximum(pushes[a] + change, 0.0), barrier)
+            most = ratio[a] * pushes[a]
+            stuck = jnp.clip(lack(need_along[a], count + a), -most, most)
+            along = jnp.where(sticks[a], stuck, drag[a] * pushes[a])
+            pushes[count + a] = fence(along, barrier)
+        return pushes
+
+    nothing = [0.0 * need[0]] * (2 * count)
+    pushes = jax.lax.fori_loop(0, SWEEPS, sweep, nothing)
+    return pushes[:count], pushes[count:]

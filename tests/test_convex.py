@@ -1,0 +1,298 @@
+"""Convex bodies with friction: closed forms, the circle's own engine, an independent simulator."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import pcjax
+from pcjax.geometry import Vec
+from pcjax.model.bodies.base import Body
+from pcjax.model.drives.wrist import TiltProfile
+from pcjax.model.scenario import Scenario
+from pcjax.physics.rigid import NOT_NEEDED, impact, least_pushes
+from pcjax.physics.state import INVALID, RUNNING
+from pcjax.simulate.batch import run
+from pcjax.simulate.convex import ConvexLeaps
+from pcjax.simulate.draws import period_draws, start_draws, trial_key
+from pcjax.simulate.event import EventDriven
+from pcjax.simulate.tumbling import Tumble, tumble
+from tests.reference import polygon as reference
+
+pytestmark = pytest.mark.usefixtures("quick_programs")
+
+OPEN = pcjax.box_hand(math.radians(-20), gap_width=400.0)
+"""A hand that many bodies leave soon."""
+
+
+# --------------------------------------------------------------------------------------- bodies
+
+
+def test_moments_are_those_of_the_shapes() -> None:
+    assert float(pcjax.Square(60.0).inertia) == pytest.approx(60.0**2 / 6, rel=1e-6)
+    assert float(pcjax.Rectangle((30.0, 40.0)).inertia) == pytest.approx(2500 / 12, rel=1e-6)
+    # A square rounded until it is all but a disc.
+    assert float(pcjax.Square(2.0, 0.9999).inertia) == pytest.approx(0.5, rel=1e-3)
+    # A rectangle l x 2r and two half discs, whose centres of mass are 4 r / 3 pi beyond its ends.
+    length, r = 40.0, 10.0
+    box, disc = 2 * length * r, math.pi * r * r
+    second = box * (length**2 + 4 * r * r) / 12 + disc * (r * r / 2 + length**2 / 4)
+    second += disc * length * 4 * r / (3 * math.pi)
+    capsule = pcjax.Capsule(length + 2 * r, 2 * r)
+    assert float(capsule.inertia) == pytest.approx(second / (box + disc), rel=1e-6)
+    assert float(capsule.width) == pytest.approx(20.0)
+    assert float(capsule.radius) == pytest.approx(30.0)
+    # Of a triangle: M (a^2 + b^2 + c^2) / 36, whatever the sense of its vertices.
+    for corners in (((0, 0), (60, 0), (0, 80)), ((0, 0), (0, 80), (60, 0))):
+        triangle = pcjax.Polygon(corners)
+        assert float(triangle.inertia) == pytest.approx((60**2 + 80**2 + 100**2) / 36, rel=1e-6)
+        assert float(triangle.width) == pytest.approx(48.0)
+    turned = pcjax.RegularPolygon(16, 30.0)
+    assert 0.97 < float(turned.inertia) / (30.0**2 / 2) < 1
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (
+            lambda: pcjax.Polygon(((0, 0), (10, 0), (10, 0), (0, 9))),
+            "vertices 2 and 3 are the same",
+        ),
+        (lambda: pcjax.Polygon(((0, 0), (9, 0), (3, 3), (0, 9))), "not convex at vertex 3"),
+        (lambda: pcjax.Polygon(((0, 0), (5, 5), (9, 9))), "on one line"),
+        (lambda: pcjax.Polygon(((0, 0),)), "rounding of a single vertex is 0"),
+        (
+            lambda: pcjax.Polygon(((0, 0), (9, math.nan), (0, 9))),
+            "two finite numbers",
+        ),
+        (lambda: pcjax.Polygon(tuple((k, k * k) for k in range(17))), "there are 17, and 1 to 16"),
+        (
+            lambda: pcjax.Polygon(tuple((math.sin(2.4 * k), math.cos(2.4 * k)) for k in range(5))),
+            "not convex|crosses itself",
+        ),
+        (lambda: pcjax.Square(10.0, 5.0), "rounding is 5: it has to be less than half of the side"),
+        (lambda: pcjax.Capsule(10.0, 12.0), "has to be less than half of the length"),
+        (lambda: pcjax.RegularPolygon(2, 10.0), "number"),
+        (lambda: pcjax.ContactLaw(friction=-0.1), "friction is -0.1: it has to be at least 0"),
+    ],
+)
+def test_what_is_no_convex_body_is_refused(make: Any, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        make()
+
+
+def test_a_body_of_a_study_comes_back(tmp_path: Any) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(
+        '[body]\nkind = "polygon"\nvertices = [[0, 0], [60, 0], [0, 80]]\nrounding = 2\n'
+        "orientation_deg = 30\n[contact]\nfriction = 0.3\n"
+    )
+    study = pcjax.load_study(path)
+    assert float(study.body.radius) == pytest.approx(math.hypot(20, 160 / 3) + 2)
+    assert study.law.friction == 0.3
+    path.write_text(study.to_toml())
+    assert pcjax.load_study(path) == study
+    path.write_text('[body]\nkind = "polygon"\nvertices = [[0, 0], [60]]\n')
+    with pytest.raises(ValueError, match=r"\[body\] vertices is .*: it has to be a list of places"):
+        pcjax.load_study(path)
+
+
+def test_what_no_engine_can_run_is_said() -> None:
+    square, rough = pcjax.Square(40.0), pcjax.ContactLaw(friction=0.3)
+    arm: dict[str, Any] = {"drive": pcjax.PlanarArm(), "trials": 2, "progress": False}
+    with pytest.raises(ValueError, match=r"no engine can run this: .*a hand that a wrist tilts"):
+        pcjax.evaluate(pcjax.two_joint_hand(), square, **arm)
+    for engine in ("event", "stepping"):
+        with pytest.raises(
+            ValueError, match="knows contact without friction; take engine 'convex'"
+        ):
+            pcjax.evaluate(body=pcjax.Circle(25.0), law=rough, engine=engine, trials=2)
+
+
+# -------------------------------------------------------------------------------------- contacts
+
+
+def test_an_impact_is_wang_and_masons_and_creates_no_energy() -> None:
+    """2,000 random contacts; the reference goes through the phases one after the other."""
+    rng = np.random.default_rng(0)
+    n = 2000
+    approach, slip = rng.exponential(1.0, n), rng.normal(size=n) * rng.choice([0, 0.1, 3], n)
+    normal, along = rng.normal(size=(2, n)) * rng.choice([0.0, 0.5, 2.0], n)
+    mu, e = rng.choice([0.0, 0.1, 0.5, 1.2], n), rng.uniform(0, 1, n)
+    with jax.enable_x64(True):
+        pushed, rubbed = map(np.asarray, jax.vmap(impact)(approach, slip, normal, along, mu, e))
+    each = zip(approach, slip, normal, along, mu, e, strict=True)
+    np.testing.assert_allclose(
+        np.stack([pushed, rubbed], 1), [reference.collide(*one) for one in each], atol=1e-9
+    )
+    after = slip + rubbed, pushed - approach, normal * pushed + along * rubbed
+    nt = normal * along
+    normal_speed = -approach + pushed * (1 + normal**2) + rubbed * nt
+    tangent_speed = slip + rubbed * (1 + along**2) + pushed * nt
+    # Work of the impulses: at most none is gained.
+    gained = pushed * (normal_speed - approach) / 2 + rubbed * (tangent_speed + slip) / 2
+    assert gained.max() < 1e-9
+    assert np.all(normal_speed > -1e-9)
+    assert np.all(np.abs(rubbed) <= mu * pushed + 1e-9)
+    smooth = mu == 0
+    np.testing.assert_allclose(normal_speed[smooth], (e * approach)[smooth], atol=1e-9)
+    assert len(after) == 3
+
+
+def test_least_pushes_pull_at_nothing_and_leave_nothing_out() -> None:
+    """500 random sets of four contacts in three dimensions; the conditions of Kuhn and Tucker."""
+    rng = np.random.default_rng(1)
+    rows = rng.normal(size=(500, 4, 3))
+    rows[:, :, 1] = np.abs(rows[:, :, 1]) + 0.5  # so that all can be met at once
+    rows /= np.linalg.norm(rows, axis=2, keepdims=True)
+    need = rng.normal(size=(500, 4))
+    need[rng.random((500, 4)) < 0.3] = NOT_NEEDED
+
+    def one(rows: jax.Array, need: jax.Array) -> jax.Array:
+        cosines: Any = [[rows[a] @ rows[b] for b in range(4)] for a in range(4)]
+        return jnp.stack(least_pushes(cosines, list(need), jnp.ones(())))
+
+    with jax.enable_x64(True):
+        pushes = np.asarray(jax.jit(jax.vmap(one))(jnp.asarray(rows), jnp.asarray(need)))
+    given = np.einsum("nac,nbc,nb->na", rows, rows, pushes)
+    assert np.all(pushes >= 0)
+    assert np.all(given - need > -1e-6)
+    assert np.all(np.minimum(pushes, given - need) < 1e-6)
+
+
+# ------------------------------------------------------------------------------- slopes, by hand
+
+WRIST = pcjax.WristTilt(ramp_time=0.1, period=3.1)
+
+
+def slid(body: Body, pull: tuple[float, float], friction: float, speed: float = 0.0) -> Tumble:
+    """A body that lies on the palm for 3 s under a steady pull, at (0, height)."""
+    scenario = pcjax.does(pcjax.box_hand(), body, WRIST, pcjax.ContactLaw(friction=friction))
+    return _slid(scenario, jnp.asarray(pull), jnp.asarray(speed))
+
+
+@jax.jit
+def _slid(scenario: Scenario, pull: jax.Array, speed: jax.Array) -> Tumble:
+    world, zero = scenario.world(), jnp.zeros(())
+    body: Any = scenario.body
+    lowest = jnp.stack([vertex.y for vertex in body.vertices]).min()
+    start = Vec(zero, body.skin - lowest)
+    none = Vec(zero, zero)
+    profile = TiltProfile(none, none, Vec(pull[0], pull[1]))
+    count = jnp.zeros((), jnp.int32)
+    first = Tumble(start, Vec(speed, zero), zero, zero, zero + 0.1, count, count, zero)
+
+    def going(flight: Tumble) -> jax.Array:
+        return (flight.time < 3.1) & (flight.status == RUNNING) & (flight.leaps < 2000)
+
+    return jax.lax.while_loop(
+        going, lambda flight: tumble(world, profile, zero + 1.0, flight), first
+    )
+
+
+def test_a_block_sticks_slides_brakes_and_tips() -> None:
+    block = pcjax.Square(60.0, 0.5)
+    sticks = slid(block, (2.9, -10.0), 0.3)
+    assert float(sticks.position.x) == 0.0
+    assert int(sticks.leaps) <= 3
+    slides = slid(block, (5.0, -10.0), 0.3)
+    assert float(slides.position.x) == pytest.approx(0.5 * (5 - 3) * 3**2, rel=1e-3)
+    assert float(slides.spin) == pytest.approx(0.0, abs=1e-3)
+    stops = slid(block, (0.0, -10.0), 0.3, speed=6.0)
+    assert float(stops.position.x) == pytest.approx(6.0**2 / (2 * 3), rel=1e-3)
+    assert float(stops.velocity.x) == 0.0
+    # With friction enough it tips over its leading corner: the pull leaves its base.
+    assert abs(float(slid(block, (9.0, -10.0), 2.0).angle)) < 1e-4
+    assert float(slid(block, (11.0, -10.0), 2.0).angle) < -0.3
+
+
+def test_a_circle_rolls_at_two_thirds_and_skids_beyond_its_grip() -> None:
+    circle = pcjax.Circle(30.0)
+    rolls = slid(circle, (3.0, -10.0), 0.5)
+    assert float(rolls.position.x) == pytest.approx(2 / 3 * 3.0 * 3**2 / 2, rel=1e-3)
+    assert float(rolls.spin) == pytest.approx(-2 / 3 * 3.0 * 3 / 30, rel=1e-3)
+    skids = slid(circle, (8.0, -10.0), 0.1)
+    assert float(skids.position.x) == pytest.approx((8 - 1) * 3**2 / 2, rel=1e-3)
+    assert float(skids.spin) == pytest.approx(-2 * 1.0 * 3 / 30, rel=1e-3)
+
+
+# ----------------------------------------------------------------------------------- whole trials
+
+
+def outcomes(body: Body, friction: float, engine: Any, **settings: Any) -> Any:
+    law = pcjax.ContactLaw(friction=friction)
+    return run([pcjax.does(OPEN, body, law=law)], engine=engine, **settings)
+
+
+def test_one_vertex_is_the_circle() -> None:
+    """The share of trials that may part: they meet a fingertip's end, which multiplies rounding."""
+    settings: dict[str, Any] = {"trials": 64, "max_steps": 50_000}
+    mine = outcomes(pcjax.Circle(25.0), 0.0, ConvexLeaps(), **settings)
+    other = outcomes(pcjax.Circle(25.0), 0.0, EventDriven(), **settings)
+    assert np.mean(np.abs(mine.steps - other.steps) <= 2) >= 0.95
+    assert not np.any(mine.status == INVALID)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.35])
+def test_trials_are_the_references(friction: float) -> None:
+    """Square and rod, 48 trials to 30 s by steps of 1 ms: most end within 20 steps of another."""
+    for body in (pcjax.Square(70.0, 0.5), pcjax.Capsule(70.0, 1.0)):
+        scenario = pcjax.does(OPEN, body, law=pcjax.ContactLaw(friction=friction))
+        mine = run([scenario], engine=ConvexLeaps(), trials=48, max_steps=30_000)
+        theirs = by_reference(scenario, 48, 30.0) / 0.001
+        assert not np.any(mine.status == INVALID)
+        assert not np.any(np.isnan(theirs))
+        assert np.mean(np.abs(mine.steps[0] - theirs) <= 20) >= 0.85
+        assert np.mean(theirs < 30_000) > 0.15
+
+
+def by_reference(scenario: Scenario, trials: int, seconds: float) -> np.ndarray:
+    """When each trial escapes, s."""
+    hand, law, body = scenario.hand, scenario.law, scenario.body
+    wrist: Any = scenario.drive
+    shape: Any = body
+    limbs = np.array(
+        [
+            [float(x) for x in (s.start.x, s.start.y, s.tangent.x, s.tangent.y, s.length)]
+            for s in hand.limbs()
+        ]
+    )
+    points = np.vstack([limbs[:1, :2], limbs[:, :2] + limbs[:, 2:4] * limbs[:, 4:]])
+    goal = hand.goal()
+    line = np.array([float(x) for x in (goal.a.x, goal.a.y, goal.b.x, goal.b.y)])
+    periods = math.ceil(seconds / wrist.period)
+    starts, targets = np.zeros((trials, 3)), np.zeros((trials, periods + 1, 2))
+    for trial in range(trials):
+        key = trial_key(0, trial)
+        first = scenario.start(start_draws(key, 3))
+        starts[trial] = float(first.x), float(first.y), float(shape.orientation)
+        for k in range(periods):
+            draws = np.asarray(period_draws(key, k, 2), float)
+            targets[trial, k + 1] = wrist.amplitude * (2 * draws - 1)
+    own = np.array([[float(v.x), float(v.y)] for v in shape.vertices])
+    times, _ = reference.run(
+        limbs,
+        points,
+        line,
+        own,
+        float(shape.skin),
+        1 / float(shape.per_gyration),
+        True,
+        0.0 if law.friction is None else law.friction,
+        law.restitution,
+        law.resting_speed,
+        np.zeros(3),
+        wrist.gravity,
+        starts,
+        targets,
+        wrist.ramp_time,
+        wrist.period,
+        0.001,
+        seconds,
+    )
+    return times
