@@ -56,6 +56,31 @@ def test_moments_are_those_of_the_shapes() -> None:
     assert 0.97 < float(turned.inertia) / (30.0**2 / 2) < 1
 
 
+def test_rounding_moves_the_centre_of_mass() -> None:
+    """Against the moments of a polygon with 500 points on each round corner."""
+    corners, rounding = np.array([(0.0, 0.0), (60.0, 0.0), (50.0, 25.0), (0.0, 80.0)]), 5.0
+    edges = np.roll(corners, -1, 0) - corners
+    headings = np.unwrap(np.arctan2(edges[:, 1], edges[:, 0]) - math.pi / 2)
+    outline = np.concatenate(
+        [
+            corner + rounding * np.stack([np.cos(arc), np.sin(arc)], 1)
+            for corner, after, before in zip(corners, headings, np.roll(headings, 1), strict=True)
+            for arc in [np.linspace(before - 2 * math.pi * (before > after), after, 500)]
+        ]
+    )
+    after = np.roll(outline, -1, 0)
+    twice = outline[:, 0] * after[:, 1] - outline[:, 1] * after[:, 0]
+    area, both = twice.sum() / 2, outline + after
+    centre = (both * twice[:, None]).sum(0) / (6 * area)
+    square = (outline**2 + outline * after + after**2).sum(1)
+    second = (twice * square).sum() / 12 / area - centre @ centre
+    body = pcjax.Polygon(tuple(map(tuple, corners)), rounding)
+    np.testing.assert_allclose(
+        [[float(v.x), float(v.y)] for v in body.vertices], corners - centre, atol=1e-3
+    )
+    assert float(body.inertia) == pytest.approx(second, rel=1e-4)
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -93,7 +118,8 @@ def test_a_body_of_a_study_comes_back(tmp_path: Any) -> None:
         "orientation_deg = 30\n[contact]\nfriction = 0.3\n"
     )
     study = pcjax.load_study(path)
-    assert float(study.body.radius) == pytest.approx(math.hypot(20, 160 / 3) + 2)
+    assert float(study.body.rounding) == 2
+    assert float(study.body.orientation) == pytest.approx(math.pi / 6)
     assert study.law.friction == 0.3
     path.write_text(study.to_toml())
     assert pcjax.load_study(path) == study
