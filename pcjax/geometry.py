@@ -6,7 +6,7 @@ and the elementwise arithmetic of a whole step fuses into few loops.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 import equinox as eqx
@@ -211,6 +211,17 @@ def stacked(items: Sequence[T]) -> T:
     """Pytrees of one structure as one, along a new first axis. Arithmetic on it is that of all
     items at once: a program far smaller, and sooner compiled, than one that repeats it for each."""
     return jax.tree.map(lambda *leaves: jnp.stack(jnp.broadcast_arrays(*leaves)), *items)
+
+
+def unstacked(tree: T, count: int) -> list[T]:
+    """The `count` pytrees that `stacked` has put together."""
+    return [jax.tree.map(lambda leaf, k=k: leaf[k], tree) for k in range(count)]
+
+
+def for_each(function: Callable[..., T], *trees: Any) -> T:
+    """What a function gives for each of some stacked pytrees, stacked: by a loop, so that the
+    program holds it once."""
+    return jax.lax.scan(lambda _, each: (None, function(*each)), None, trees)[1]
 
 
 def is_inside(corners: Sequence[Vec], point: Vec) -> Flag:

@@ -209,7 +209,7 @@ def clearance_along(radius: float, angle: float, back: bool, trial: int) -> tupl
         now = eqx.tree_at(lambda f: f.time, now, jnp.asarray(0.0))
         while float(now.time) < 10 and int(now.status) == RUNNING:
             after = hop(condition, profile, now)
-            pull = numbers(drive.steady(profile, now.time, interval)[0])
+            pull = numbers(drive.leg(profile, now.time, interval).pull)
             span = float(after.time - now.time)
             # The straight or parabolic path between two states with the same acceleration.
             shares = np.linspace(0, 1, 9)

@@ -8,9 +8,9 @@ from pcjax.components import Component, quantity
 from pcjax.geometry import Scalar
 
 
-def _none_if_hard(smoothing: Scalar | None) -> Scalar | None:
-    # Zero width has no leaf: the compiled hard contact carries nothing of the smoothed one.
-    return None if isinstance(smoothing, (int, float)) and smoothing == 0 else smoothing
+def _none_if_zero(value: Scalar | None) -> Scalar | None:
+    # What is zero has no leaf: the compiled contact carries nothing of it.
+    return None if isinstance(value, (int, float)) and value == 0 else value
 
 
 class ContactLaw(Component):
@@ -55,7 +55,7 @@ class ContactLaw(Component):
         "half width of the layer over which contact switches on",
         default=None,
         low=0,
-        converter=_none_if_hard,
+        converter=_none_if_zero,
     )
 
     friction: Scalar | None = quantity(
@@ -63,9 +63,19 @@ class ContactLaw(Component):
         "mu, of Coulomb's friction at every contact",
         default=None,
         low=0,
-        converter=_none_if_hard,
+        converter=_none_if_zero,
         key="friction",
         flag="friction",
+        usual="0",
+    )
+    drag: Scalar | None = quantity(
+        "rate",
+        "at which the plane that it lies on brakes its motion against the hand",
+        default=None,
+        low=0,
+        converter=_none_if_zero,
+        key="drag",
+        flag="drag",
         usual="0",
     )
 

@@ -49,3 +49,59 @@ class Motion(eqx.Module):
         if self.twist is None:
             return kick
         return kick + Vec(kick.y, -kick.x) * (self.twist.spin * since)
+
+
+class Carry(eqx.Module):
+    """How a hand is carried about for a while: its twist changes evenly.
+
+    Attributes:
+        since: when the while began, s.
+        begin, end: the twist then, and at its end.
+        lasts: how long the while is, s.
+    """
+
+    since: Scalar
+    begin: Twist
+    end: Twist
+    lasts: Scalar
+
+    def twist(self, time: Scalar) -> Twist:
+        """The twist at a time, s."""
+        share = (time - self.since) / self.lasts
+        return Twist(
+            self.begin.velocity + (self.end.velocity - self.begin.velocity) * share,
+            self.begin.spin + (self.end.spin - self.begin.spin) * share,
+        )
+
+
+class Leg(eqx.Module):
+    """What pulls at things for a while, as seen from the hand.
+
+    Attributes:
+        pull: the acceleration of a thing that rests at the hand's origin, as seen from the hand; it
+            stands for all of the while.
+        until: when the while ends, s of the period.
+        carry: how the hand moves; None for a hand that stays put.
+    """
+
+    pull: Vec
+    until: Scalar
+    carry: Carry | None = None
+
+    def felt(self, position: Vec, velocity: Vec) -> Vec:
+        """The acceleration of a thing at a place and with a velocity, both as seen from the hand:
+        with the centrifugal, Coriolis' and Euler's."""
+        if self.carry is None:
+            return self.pull
+        begin, end = self.carry.begin.spin, self.carry.end.spin
+        spin = 0.5 * (begin + end)
+        euler = Vec(position.y, -position.x) * self.turning
+        coriolis = Vec(velocity.y, -velocity.x) * (2.0 * spin)
+        return self.pull + position * (spin * spin) + euler + coriolis
+
+    @property
+    def turning(self) -> Scalar:
+        """The rate of the hand's spin, 1 / s^2."""
+        if self.carry is None:
+            return 0.0 * self.until
+        return (self.carry.end.spin - self.carry.begin.spin) / self.carry.lasts

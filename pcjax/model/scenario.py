@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from pcjax.checks import check_between, check_kind
 from pcjax.geometry import Scalar, Segment, Vec
-from pcjax.model.bodies.base import Body
+from pcjax.model.bodies.base import Body, Shape
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.base import Drive
 from pcjax.model.drives.wrist import WristTilt
@@ -23,7 +23,8 @@ from pcjax.model.layout import corner_centre, first_centre, geometry_of_hand, sa
 class World(eqx.Module):
     """What a step needs of a scenario, worked out once: limbs and goal in place of the design.
 
-    Of the limbs after the palm the first `finger_1` are finger 1's.
+    Of the limbs after the palm the first `finger_1` are finger 1's. The `shape` is that of a convex
+    body.
     """
 
     limbs: tuple[Segment, ...]
@@ -32,6 +33,7 @@ class World(eqx.Module):
     drive: Drive
     law: ContactLaw
     finger_1: int = eqx.field(static=True)
+    shape: Shape | None = None
 
     def nearness(self) -> Scalar:
         """A distance that rounding may hide: within it the object touches a limb or a line."""
@@ -98,6 +100,7 @@ class Scenario(eqx.Module):
             self.drive,
             self.law,
             len(self.hand.lengths[0]),
+            self.body.shape(),
         )
 
     def start(self, draws: Float[Array, "3"]) -> Vec:

@@ -11,20 +11,21 @@ out.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from pcjax.geometry import Flag, Scalar, Vec, fence, fence_all
+from pcjax.geometry import Flag, Scalar, Vec, fence, fence_all, for_each, unstacked
 from pcjax.physics.contact.manifold import Contact, left_of
 
 NOT_NEEDED = -1e30
 """What a contact that is off needs."""
 
-Table = list[list[Scalar]]
+T = TypeVar("T")
 
 
 class Rate(NamedTuple):
@@ -86,21 +87,26 @@ class Rows(eqx.Module):
 
     normals: list[Direction]
     tangents: list[Direction]
-    cosines: Table
+    cosines: Pairs
 
     @classmethod
-    def of(cls, found: Sequence[Contact], per_gyration: Scalar, barrier: Scalar) -> Rows:
-        """From the contacts and 1 / kappa."""
-        normals = [Direction.of(c.normal, c.lever, per_gyration, barrier) for c in found]
-        tangents = [Direction.of(left_of(c.normal), c.lever, per_gyration, barrier) for c in found]
-        upper = {
+    def of(cls, found: Contact, count: int, per_gyration: Scalar, barrier: Scalar) -> Rows:
+        """From stacked contacts, how many they are, and 1 / kappa."""
+
+        def directions(contact: Contact) -> tuple[Direction, Direction]:
+            normal, lever = contact.normal, contact.lever
+            return (
+                Direction.of(normal, lever, per_gyration, barrier),
+                Direction.of(left_of(normal), lever, per_gyration, barrier),
+            )
+
+        normals, tangents = (
+            unstacked(direction, count) for direction in for_each(directions, found)
+        )
+        cosines = {
             (a, b): fence(normals[a].row.dot(normals[b].row), barrier)
-            for a, b in itertools.combinations(range(len(found)), 2)
+            for a, b in _pairs(count)
         }
-        cosines = [
-            [1.0 if a == b else upper[min(a, b), max(a, b)] for b in range(len(found))]
-            for a in range(len(found))
-        ]
         return cls(normals, tangents, cosines)
 
     def settle(self, moving: Rate, pushes: Sequence[Scalar], barrier: Scalar) -> Rate:
@@ -109,57 +115,30 @@ class Rows(eqx.Module):
         return Rate(*fence_all(tuple(moving.plus_all(rows, pushes)), barrier))
 
 
-def _by_cases(
-    cosines: Table,
-    need: Sequence[Scalar],
-    judge: Callable[[dict[int, Scalar]], Scalar],
-    barrier: Scalar,
-) -> list[Scalar]:
-    """The pushes that give a set of contacts what they need, for the set that is judged lowest.
+Pairs = dict[tuple[int, int], Scalar]
+"""A symmetric table without its diagonal: a number for each pair (a, b), a < b."""
 
-    Arguments:
-        cosines: between the normals.
-        need: by contact.
-        judge: of the pushes of a set, by contact.
-        barrier: a 1 for `fence`.
-    """
-    count, zero = len(need), 0.0 * need[0]
-    sets: list[tuple[dict[int, Scalar], Any]] = [({}, True)]
-    sets += [({a: need[a]}, True) for a in range(count)]
-    for a, b in itertools.combinations(range(count), 2):
-        cosine = cosines[a][b]
-        left = 1.0 - cosine * cosine
-        fine = left > 1e-6
-        inverse = 1.0 / jnp.where(fine, left, 1.0)
-        pushes: dict[int, Scalar] = {
-            a: (need[a] - cosine * need[b]) * inverse,
-            b: (need[b] - cosine * need[a]) * inverse,
-        }
-        sets.append((pushes, fine))
-    for a, b, c in itertools.combinations(range(count), 3):
-        ab, ac, bc = cosines[a][b], cosines[a][c], cosines[b][c]
-        left = 1.0 + 2.0 * ab * ac * bc - ab * ab - ac * ac - bc * bc
-        fine = left > 1e-5
-        inverse = 1.0 / jnp.where(fine, left, 1.0)
-        mixed_ab, mixed_ac, mixed_bc = ac * bc - ab, ab * bc - ac, ab * ac - bc
-        na, nb, nc = need[a], need[b], need[c]
-        pushes: dict[int, Scalar] = {
-            a: ((1.0 - bc * bc) * na + mixed_ab * nb + mixed_ac * nc) * inverse,
-            b: (mixed_ab * na + (1.0 - ac * ac) * nb + mixed_bc * nc) * inverse,
-            c: (mixed_ac * na + mixed_bc * nb + (1.0 - ab * ab) * nc) * inverse,
-        }
-        sets.append((pushes, fine))
-    best, chosen = None, [zero] * count
-    for pushes, fine in sets:
-        score = jax.lax.stop_gradient(jnp.where(fine, judge(pushes), jnp.inf))
-        better = True if best is None else score < best
-        best = score if best is None else jnp.minimum(score, best)
-        chosen = [jnp.where(better, pushes.get(a, zero), chosen[a]) for a in range(count)]
-    return [fence(push, barrier) for push in chosen]
+
+def _pairs(count: int) -> list[tuple[int, int]]:
+    return list(itertools.combinations(range(count), 2))
+
+
+def _orbits(count: int, size: int) -> list[tuple[int, ...]]:
+    """Sets of so many of `count` things in a ring, one for all that follow from it by rotation."""
+    sets = itertools.combinations(range(count), size)
+    return [
+        one
+        for one in sets
+        if one == min(tuple(sorted((k + r) % count for k in one)) for r in range(count))
+    ]
+
+
+def _rotated(values: list[T]) -> list[T]:
+    return [*values[1:], values[0]]
 
 
 def least_pushes(
-    cosines: Table,
+    cosines: Pairs,
     need: Sequence[Scalar],
     barrier: Scalar,
     exactly: Sequence[Flag] | None = None,
@@ -167,7 +146,9 @@ def least_pushes(
     """The least pushes along the normals, none negative, that give each contact what it needs.
 
     `cosines @ pushes >= need`, with equality where a push is not 0: the projection onto a cone of
-    up to four half-spaces in three dimensions.
+    half-spaces in three dimensions. It is found by cases: of all sets of up to three contacts, the
+    one whose solution pulls at none and leaves none out. The sets come around by rotation, so that
+    the program holds few of them.
 
     Arguments:
         cosines: between the normals.
@@ -175,27 +156,99 @@ def least_pushes(
         barrier: a 1 for `fence`.
         exactly: which contacts are to get what they need and no more, by a pull if need be.
     """
+    count = len(need)
+    sets = [one for size in (1, 2, 3) for one in _orbits(count, size)]
 
-    def miss(pushes: dict[int, Scalar]) -> Scalar:
+    def miss(case: Case, pushes: dict[int, Scalar]) -> Scalar:
         """The largest pull, or the most that one outside of the set lacks."""
-        worst = 0.0 * need[0]
-        for a in range(len(need)):
+        worst = 0.0 * case.need[0]
+        for a in range(count):
             if a in pushes:
                 wrong = -pushes[a]
-                wrong = wrong if exactly is None else jnp.where(exactly[a], 0.0, wrong)
+                if case.exactly is not None:
+                    wrong = jnp.where(case.exactly[a], 0.0, wrong)
             else:
-                wrong = need[a] - sum(cosines[a][b] * push for b, push in pushes.items())
-                wrong = wrong if exactly is None else jnp.where(exactly[a], jnp.abs(wrong), wrong)
+                wrong = case.need[a]
+                for b, push in pushes.items():
+                    wrong = wrong - case.cosines[min(a, b), max(a, b)] * push
+                if case.exactly is not None:
+                    wrong = jnp.where(case.exactly[a], jnp.abs(wrong), wrong)
             worst = jnp.maximum(worst, wrong)
-        return worst
+        return jax.lax.stop_gradient(worst)
 
-    pushes = _by_cases(cosines, need, miss, barrier)
+    def look(_: Any, case: Case) -> Case:
+        for one in sets:
+            pushes, fine = _solved(case, one)
+            score = jnp.where(fine, miss(case, pushes), jnp.inf)
+            better = score < case.score
+            chosen = [
+                jnp.where(better, pushes.get(a, 0.0), old) for a, old in enumerate(case.chosen)
+            ]
+            case = replace(case, score=jnp.minimum(score, case.score), chosen=chosen)
+        return case.rotated()
+
+    zero = 0.0 * need[0]
+    start = Case(list(need), cosines, None if exactly is None else list(exactly), zero, [])
+    start = replace(start, score=miss(start, {}), chosen=[zero] * count)
+    pushes = fence_all(jax.lax.fori_loop(0, count, look, start).chosen, barrier)
     if exactly is None:
         return [jnp.maximum(push, 0.0) for push in pushes]
     return [
         jnp.where(exact, push, jnp.maximum(push, 0.0))
         for exact, push in zip(exactly, pushes, strict=True)
     ]
+
+
+class Case(eqx.Module):
+    """What contacts need, and the best pushes so far; the contacts in a ring that turns."""
+
+    need: list[Scalar]
+    cosines: Pairs
+    exactly: list[Flag] | None
+    score: Scalar
+    chosen: list[Scalar]
+
+    def rotated(self) -> Case:
+        """With the next contact first."""
+        count = len(self.need)
+        cosines = {
+            (a, b): self.cosines[tuple(sorted(((a + 1) % count, (b + 1) % count)))]
+            for a, b in self.cosines
+        }
+        exactly = None if self.exactly is None else _rotated(self.exactly)
+        return Case(_rotated(self.need), cosines, exactly, self.score, _rotated(self.chosen))
+
+
+def _solved(case: Case, one: tuple[int, ...]) -> tuple[dict[int, Scalar], Any]:
+    """The pushes that give a set of up to three contacts just what they need; and whether they are
+    far enough from being in line."""
+    need, cosines = case.need, case.cosines
+    if len(one) == 1:
+        return {one[0]: need[one[0]]}, True
+    if len(one) == 2:
+        a, b = one
+        cosine = cosines[a, b]
+        left = 1.0 - cosine * cosine
+        fine = left > 1e-6
+        inverse = 1.0 / jnp.where(fine, left, 1.0)
+        pushes = {
+            a: (need[a] - cosine * need[b]) * inverse,
+            b: (need[b] - cosine * need[a]) * inverse,
+        }
+        return pushes, fine
+    a, b, c = one
+    ab, ac, bc = cosines[a, b], cosines[a, c], cosines[b, c]
+    left = 1.0 + 2.0 * ab * ac * bc - ab * ab - ac * ac - bc * bc
+    fine = left > 1e-5
+    inverse = 1.0 / jnp.where(fine, left, 1.0)
+    mixed_ab, mixed_ac, mixed_bc = ac * bc - ab, ab * bc - ac, ab * ac - bc
+    na, nb, nc = need[a], need[b], need[c]
+    pushes = {
+        a: ((1.0 - bc * bc) * na + mixed_ab * nb + mixed_ac * nc) * inverse,
+        b: (mixed_ab * na + (1.0 - ac * ac) * nb + mixed_bc * nc) * inverse,
+        c: (mixed_ac * na + mixed_bc * nb + (1.0 - ab * ab) * nc) * inverse,
+    }
+    return pushes, fine
 
 
 def impact(
@@ -270,20 +323,22 @@ def at_rest_under(
         for a in range(len(on))
         for side in (1.0, -1.0)
     ]
-    across = {pair: rays[pair[0]].cross(rays[pair[1]]) for pair in _pairs(len(rays))}
-    wants = {pair: wanted.dot(normal) for pair, normal in across.items()}
-    held = jnp.asarray(False)
-    for a, b, c in itertools.combinations(range(len(rays)), 3):
-        volume = rays[a].dot(across[b, c])
-        way, room = jnp.sign(volume), jnp.abs(volume)
-        slack = -1e-5 * room
-        balanced = (way * wants[b, c] >= slack) & (way * wants[a, b] >= slack)
-        held = held | ((room > 1e-4) & balanced & (-way * wants[a, c] >= slack))
-    return held
+    sets = _orbits(len(rays), 3)
+    pairs = {pair for one in sets for pair in itertools.combinations(one, 2)}
 
+    def look(_: Any, ring: tuple[list[Rate], Flag]) -> tuple[list[Rate], Flag]:
+        rays, held = ring
+        across = {(a, b): rays[a].cross(rays[b]) for a, b in pairs}
+        wants = {pair: wanted.dot(normal) for pair, normal in across.items()}
+        for a, b, c in sets:
+            volume = rays[a].dot(across[b, c])
+            way, room = jnp.sign(volume), jnp.abs(volume)
+            slack = -1e-5 * room
+            balanced = (way * wants[b, c] >= slack) & (way * wants[a, b] >= slack)
+            held = held | ((room > 1e-4) & balanced & (-way * wants[a, c] >= slack))
+        return _rotated(rays), held
 
-def _pairs(count: int) -> list[tuple[int, int]]:
-    return list(itertools.combinations(range(count), 2))
+    return jax.lax.fori_loop(0, len(rays), look, (rays, size < 0))[1]
 
 
 SWEEPS = 16

@@ -8,9 +8,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from pcjax.geometry import Scalar, runtime_barrier
+from pcjax.model.bodies.base import Body
+from pcjax.model.contact import ContactLaw
 from pcjax.model.scenario import Scenario, World
-from pcjax.physics.contact.table import contact_of
+from pcjax.physics.contact.table import contact_of, registered_contact
 from pcjax.physics.state import PAPER_DT, State, at_rest
+from pcjax.simulate.tumbling import tumble_for
 
 
 def begin(scenario: Scenario, draws: Float[Array, "3"]) -> State:
@@ -43,8 +46,17 @@ def step(scenario: Scenario, profile: Any, state: State, dt: Scalar = PAPER_DT) 
     return advance(scenario.world(), profile, state, dt)
 
 
+def by_leaps(body: Body, law: ContactLaw) -> bool:
+    """Whether a step is made of the leaps of convex bodies: for those that have no contact of their
+    own registered, and for all of them where there is friction or drag."""
+    rough = law.friction is not None or law.drag is not None
+    return body.convex and (rough or registered_contact(body) is None)
+
+
 def advance(world: World, profile: Any, state: State, dt: Scalar) -> State:
     """`step` for a scenario whose kinematics have been worked out by `Scenario.world`."""
+    if by_leaps(world.body, world.law):
+        return tumble_for(world, profile, state, dt)
     time = jnp.asarray(state.clock, jnp.result_type(dt)) * dt
     free = world.drive.fly(profile, state.position, state.velocity, time, dt)
     return contact_of(world.body)(

@@ -49,7 +49,7 @@ def choose_engine(engine: str | Engine, dt: float | None, scenario: Scenario) ->
         >>> choose_engine("auto", None, pcjax.does(hand, pcjax.Circle(25.0))).name
         'event'
         >>> choose_engine("auto", None, pcjax.does(hand, pcjax.Stick(25.0))).name
-        'stepping'
+        'convex'
     """
     check_engine(engine)
     if engine == "auto":
@@ -87,7 +87,7 @@ def engine_for(
 
 
 def _first(scenarios: Sequence[Scenario], dt: float | None, family: type[E]) -> type[E]:
-    for kind in in_order_of_preference():
+    for kind in in_order_of_preference(scenarios):
         if (
             issubclass(kind, family)
             and (dt is None or takes_dt(kind))
@@ -96,7 +96,7 @@ def _first(scenarios: Sequence[Scenario], dt: float | None, family: type[E]) -> 
             return kind
     reasons = {
         kind.noun: found
-        for kind in in_order_of_preference()
+        for kind in in_order_of_preference(scenarios)
         for found in map(kind.obstacle, scenarios)
         if found
     }

@@ -1,4 +1,4 @@
-"""The engine that leaps from event to event, for convex bodies in a hand that stays put."""
+"""The engine that leaps from event to event, for convex bodies."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from jaxtyping import Array
 
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import State
+from pcjax.physics.step import by_leaps
 from pcjax.simulate.bursts import Bursts, LeapingEngine
 from pcjax.simulate.engine import register_engine
 from pcjax.simulate.tumbling import Tumble, tumble
@@ -46,7 +47,7 @@ class ConvexBursts(Bursts):
 
 @register_engine("convex")
 class ConvexLeaps(LeapingEngine):
-    """The engine that leaps from event to event, for convex bodies in a hand that a wrist tilts.
+    """The engine that leaps from event to event, for convex bodies, in whatever moves the hand.
 
     Its arguments are those of `LeapingEngine`.
     """
@@ -55,18 +56,26 @@ class ConvexLeaps(LeapingEngine):
 
     bursts = ConvexBursts
     noun = "the engine for convex bodies"
-    summary = "from event to event, for a convex body, with friction, in a hand that a wrist tilts"
-    preference = -1
+    summary = "from event to event, for convex bodies, with friction, on the wrist or the arm"
+    preference = 10
+
+    @classmethod
+    def preference_for(cls, scenario: Scenario) -> float | None:
+        """Behind those that know a circle without friction."""
+        own = super().preference_for(scenario)
+        needed = by_leaps(scenario.body, scenario.law) or scenario.body.turns
+        return own if own is None or needed else -1
 
     @classmethod
     def obstacle(cls, scenario: Scenario) -> str | None:
         """Why it does not apply to a scenario; None where it does."""
-        if not (scenario.drive.steady_in_between and scenario.body.convex):
-            return "it knows a convex body in a hand that a wrist tilts"
+        if not scenario.body.convex:
+            return "it knows convex bodies"
         if scenario.law.smoothing is not None:
             return "it knows hard contact only, and this one is smoothed"
         return None
 
     def processor_seconds(self, scenario: Scenario, max_steps: int) -> float:
-        """1.5 ms to 300 s."""
-        return 1.5e-3 * max_steps / 300_000
+        """1.5 ms to 300 s in a hand that stays put, 3 ms in one that is carried about."""
+        usual = 1.5e-3 if scenario.drive.steady_in_between else 3e-3
+        return usual * max_steps / 300_000

@@ -78,6 +78,11 @@ class Engine(Component):
         return False
 
     @classmethod
+    def preference_for(cls, scenario: Scenario) -> float | None:
+        """Its `preference`, where it goes by the scenario."""
+        return vars(cls).get("preference")
+
+    @classmethod
     def obstacle(cls, scenario: Scenario) -> str | None:
         """Why it cannot run a scenario; None where it can."""
         return None
@@ -106,10 +111,16 @@ class Engine(Component):
         raise NotImplementedError
 
 
-def in_order_of_preference() -> list[type[Engine]]:
-    """The engines that may be taken where none is named, the first choice first."""
-    found = [kind for _, kind in ENGINES.items() if vars(kind).get("preference") is not None]
-    return sorted(found, key=lambda kind: -vars(kind)["preference"])
+def in_order_of_preference(scenarios: Sequence[Scenario]) -> list[type[Engine]]:
+    """The engines that may be taken for all of some scenarios where none is named, the first choice
+    first."""
+    found = []
+    for _, kind in ENGINES.items():
+        preferences = [kind.preference_for(scenario) for scenario in scenarios]
+        known = [preference for preference in preferences if preference is not None]
+        if len(known) == len(preferences):
+            found.append((min(known), kind))
+    return [kind for _, kind in sorted(found, key=lambda pair: -pair[0])]
 
 
 def takes_dt(engine: type[Engine]) -> bool:

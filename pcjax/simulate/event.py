@@ -54,8 +54,8 @@ class EventDriven(LeapingEngine):
             return "it knows a circle in a hand that a wrist tilts"
         if scenario.law.smoothing is not None:
             return "it knows hard contact only, and this one is smoothed"
-        if scenario.law.friction is not None:
-            return "it knows contact without friction"
+        if scenario.law.friction is not None or scenario.law.drag is not None:
+            return "it knows motion without friction and drag"
         diameter = 2 * float(scenario.body.radius)
         clearance = gap_of(scenario) - diameter
         if abs(clearance) < _LEAST_CLEARANCE * diameter:

@@ -106,7 +106,8 @@ def leap(world: World, profile: Any, interval: Scalar, flight: Flight) -> Flight
     """
     radius, drive = world.body.radius, world.drive
     barrier = runtime_barrier(flight.leaps, radius)
-    pull, change = drive.steady(profile, flight.time, interval)
+    leg = drive.leg(profile, flight.time, interval)
+    pull, change = leg.pull, leg.until
     contacts = two_nearest(world.limbs, flight.position, barrier)
     support = settle(world, contacts, flight, pull, barrier)
     left = change - flight.time

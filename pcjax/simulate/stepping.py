@@ -16,9 +16,8 @@ from jaxtyping import Array, Int, Integer
 from pcjax.components import quantity
 from pcjax.geometry import Scalar
 from pcjax.model.scenario import Scenario, World
-from pcjax.physics.contact.table import registered_contact
 from pcjax.physics.state import PAPER_DT, PASSED, RUNNING, State
-from pcjax.physics.step import advance, begin
+from pcjax.physics.step import advance, begin, by_leaps
 from pcjax.simulate.batch import LaneEngine
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
 from pcjax.simulate.engine import register_engine
@@ -47,10 +46,8 @@ class FixedSteps(LaneEngine):
     @classmethod
     def obstacle(cls, scenario: Scenario) -> str | None:
         """Why it does not apply to a scenario; None where it does."""
-        if scenario.law.friction is not None:
-            return "it knows contact without friction"
-        if scenario.body.convex and registered_contact(scenario.body) is None:
-            return "of bodies with a shape it knows the stick"
+        if scenario.law.smoothing is not None and by_leaps(scenario.body, scenario.law):
+            return "smoothed contact is for a circle or a stick without friction and drag"
         return None
 
     def steps_wanted(self, period: float) -> float:

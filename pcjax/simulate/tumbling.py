@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -36,12 +37,15 @@ from pcjax.geometry import (
     fence,
     fence_all,
     first_root,
+    for_each,
     runtime_barrier,
     stacked,
     unit_and_length,
+    unstacked,
     where,
 )
 from pcjax.model.contact import ContactLaw
+from pcjax.model.motion import Leg
 from pcjax.model.scenario import World
 from pcjax.physics.contact.manifold import (
     ON_EDGE,
@@ -57,6 +61,7 @@ from pcjax.physics.contact.manifold import (
 )
 from pcjax.physics.rigid import (
     NOT_NEEDED,
+    Direction,
     Rate,
     Rows,
     at_rest_under,
@@ -64,7 +69,7 @@ from pcjax.physics.rigid import (
     impact,
     least_pushes,
 )
-from pcjax.physics.state import INVALID, PASSED, RUNNING
+from pcjax.physics.state import INVALID, PASSED, RUNNING, State
 
 CONTACTS = 4
 """Contacts that are settled at once: two flush edges have as many."""
@@ -75,6 +80,9 @@ IMPACTS = 3
 LARGEST_TURN = 0.05
 """Largest turn, radians, of a leap on a contact that carries the body."""
 
+LARGEST_BRAKE = 0.03
+"""Largest share of a speed that drag takes in one leap."""
+
 CAPTURE = 0.1
 """Share of the contact law's resting speed below which a limb keeps the body that it carries."""
 
@@ -83,8 +91,10 @@ class Tumble(eqx.Module):
     """Where a trial is.
 
     Attributes:
-        position, velocity: of the centre, in the hand frame.
-        angle, spin: from the palm, radians, and its rate.
+        position: of the centre, in the hand frame.
+        velocity: of the centre as seen from the ground, in the hand's axes.
+        angle: from the palm, radians.
+        spin: the rate of its turning as seen from the ground.
         time: seconds of the current period gone by.
         leaps: leaps taken since the period began.
         status: RUNNING, PASSED, or INVALID.
@@ -133,32 +143,38 @@ class Margins(eqx.Module):
     slow: Scalar
 
 
-def tumble(world: World, profile: Any, interval: Scalar, flight: Tumble) -> Tumble:
+def tumble(
+    world: World, profile: Any, interval: Scalar, flight: Tumble, until: Scalar | None = None
+) -> Tumble:
     """The state after the longest leap in which provably nothing happens.
 
     Arguments:
         world: the condition.
         profile: the drive's motion in the current period, from `Drive.profile`.
-        interval: seconds for which gravity is taken as constant, from `Drive.steady_interval`.
+        interval: seconds for which the pull is taken as constant, from `Drive.steady_interval`.
         flight: the state before. It stays as it is if its trial or its period is over.
+        until: the leap goes no further than to this time of the period, s.
     """
-    body: Any = world.body
+    shape = world.shape
+    assert shape is not None
     law, drive = world.law, world.drive
     barrier = runtime_barrier(flight.leaps, flight.time)
-    pull, change = fence_all(drive.steady(profile, flight.time, interval), barrier)
-    per_gyration, skin = fence_all((body.per_gyration, body.skin), barrier)
-    turning = jnp.abs(flight.spin) * body.radius
+    leg = fence_all(drive.leg(profile, flight.time, interval), barrier)
+    change = leg.until if until is None else jnp.minimum(leg.until, until)
+    ground, flight = flight, _seen_from_hand(flight, leg, barrier)
+    per_gyration, skin = fence_all((shape.per_gyration, shape.skin), barrier)
+    turning = jnp.abs(flight.spin) * shape.radius
     fast = jnp.abs(flight.velocity.x) + jnp.abs(flight.velocity.y) + turning + 1.0
     noise = fence(32 * float(jnp.finfo(jnp.result_type(fast)).eps) * fast, barrier)
     margins = Margins(world.nearness(), noise, noise + CAPTURE * law.resting_speed)
 
     cosine, sine = fence_all((jnp.cos(flight.angle), jnp.sin(flight.angle)), barrier)
-    outline = Outline.of(body.vertices, cosine, sine, barrier)
+    outline = Outline.of(shape.vertices, cosine, sine, barrier)
     found = nearest_contacts(CONTACTS, world.limbs, outline, flight.position, skin, 0.0, barrier)
+    left = fence(change - flight.time, barrier)
     path, loaded, closing, steady = _settled(
-        law, found, flight, pull, per_gyration, margins, barrier
+        law, found, flight, leg, left, per_gyration, margins, barrier
     )
-    left = change - flight.time
     longest = _while_kept(
         jnp.minimum(left, steady), found, loaded, outline, skin, path, margins, barrier
     )
@@ -188,14 +204,85 @@ def tumble(world: World, profile: Any, interval: Scalar, flight: Tumble) -> Tumb
     leaps = flight.leaps + 1
     deepest = jnp.maximum(flight.deepest, -apart)
     new = Tumble(position, velocity, angle, spin, time, leaps, verdict, deepest)
-    return jax.tree.map(lambda a, b: jnp.where(moves, a, b), new, flight)
+    new = _seen_from_ground(new, leg)
+    return jax.tree.map(lambda a, b: jnp.where(moves, a, b), new, ground)
+
+
+LEAPS_IN_A_STEP = 400
+"""Leaps of a fixed step after which the trial ends as INVALID."""
+
+
+def tumble_for(world: World, profile: Any, state: State, dt: Scalar) -> State:
+    """The state a fixed step of `dt` seconds later, by as many leaps as that takes.
+
+    Differentiable in forward mode.
+    """
+    zero = 0.0 * state.position.x
+    begin = jnp.asarray(state.clock, zero.dtype) * dt + zero
+    # As `time / dt` is rounded, so are the intervals of a drive's legs.
+    end = (jnp.asarray(state.clock, zero.dtype) + 1.0) * dt + zero
+    flight = Tumble(
+        state.position,
+        state.velocity,
+        state.angle,
+        state.spin,
+        begin,
+        jnp.zeros_like(state.steps),
+        state.status,
+        state.watch.penetration,
+    )
+
+    def under_way(flight: Tumble) -> Flag:
+        moves = (flight.status == RUNNING) & (flight.time < world.drive.period)
+        return moves & (flight.time < end) & (flight.leaps < LEAPS_IN_A_STEP)
+
+    def leap(flight: Tumble) -> Tumble:
+        return tumble(world, profile, dt, flight, end)
+
+    flight = jax.lax.while_loop(under_way, leap, flight)
+    running = state.status == RUNNING
+    stuck = (flight.status == RUNNING) & (flight.leaps >= LEAPS_IN_A_STEP)
+    passed = running & (flight.status == PASSED)
+    # One that has passed goes on to the step's end, so that its place there tells when it did.
+    leg = world.drive.leg(profile, begin, dt)
+    seen = _seen_from_hand(flight, leg, runtime_barrier(state.clock, dt)).velocity
+    beyond = flight.position + seen * (end - flight.time)
+    return replace(
+        state,
+        position=where(passed, beyond, flight.position),
+        velocity=where(passed, seen, flight.velocity),
+        angle=flight.angle,
+        spin=flight.spin,
+        clock=state.clock + 1,
+        steps=state.steps + running.astype(state.steps.dtype),
+        status=jnp.where(stuck, INVALID, flight.status),
+        watch=replace(state.watch, penetration=flight.deepest),
+    )
+
+
+def _seen_from_hand(flight: Tumble, leg: Leg, barrier: Scalar) -> Tumble:
+    if leg.carry is None:
+        return flight
+    twist = leg.carry.twist(flight.time)
+    velocity = flight.velocity - twist.at(flight.position)
+    velocity, spin = fence_all((velocity, flight.spin - twist.spin), barrier)
+    return replace(flight, velocity=velocity, spin=spin)
+
+
+def _seen_from_ground(flight: Tumble, leg: Leg) -> Tumble:
+    if leg.carry is None:
+        return flight
+    twist = leg.carry.twist(flight.time)
+    velocity = flight.velocity + twist.at(flight.position)
+    return replace(flight, velocity=velocity, spin=flight.spin + twist.spin)
 
 
 def _settled(
     law: ContactLaw,
-    found: Sequence[Contact],
+    found: Contact,
     flight: Tumble,
-    pull: Vec,
+    leg: Leg,
+    left: Scalar,
     per_gyration: Scalar,
     margins: Margins,
     barrier: Scalar,
@@ -206,11 +293,12 @@ def _settled(
         The motion from then on; which contacts carry the body; whether there are impacts left to be
         met; and for how many seconds those that slip do so.
     """
-    rows = Rows.of(found, per_gyration, barrier)
-    touches = [decided(contact.gap <= margins.near, barrier) for contact in found]
+    rows = Rows.of(found, CONTACTS, per_gyration, barrier)
+    gaps = [fence(gap, barrier) for gap in unstacked(found.gap, CONTACTS)]
+    touches = [decided(gap <= margins.near, barrier) for gap in gaps]
     lacks = [
-        jnp.where(on, -contact.gap / normal.size, NOT_NEEDED)
-        for on, contact, normal in zip(touches, found, rows.normals, strict=True)
+        jnp.where(on, -gap / normal.size, NOT_NEEDED)
+        for on, gap, normal in zip(touches, gaps, rows.normals, strict=True)
     ]
     nowhere = 0.0 * flight.time
     shift = rows.settle(
@@ -220,9 +308,12 @@ def _settled(
     gyration = jnp.where(turns, 1.0 / jnp.where(turns, per_gyration, 1.0), 0.0)
     moving = Rate(flight.velocity.x, flight.velocity.y, flight.spin * gyration)
     moving, closing = _meet(law, rows, touches, moving, barrier)
+    free, longest = _free(law, flight.position, touches, moving, leg, left, gyration, margins)
+    free = Rate(*fence_all(tuple(free), barrier))
     moving, acceleration, loaded, steady = _carried(
-        law, found, rows, touches, moving, pull, per_gyration, margins, barrier
+        law, found, rows, touches, moving, free, per_gyration, margins, barrier
     )
+    steady = fence(jnp.minimum(steady, longest), barrier)
     path = Path(
         flight.position + Vec(shift.x, shift.y),
         Vec(moving.x, moving.y),
@@ -241,14 +332,14 @@ def _meet(
     left below the resting speed is met by all contacts at once, without rebound."""
     friction = 0.0 if law.friction is None else law.friction
 
-    def closing_speeds() -> list[Scalar]:
+    def closing_speeds(moving: Rate) -> list[Scalar]:
         return [
             fence(jnp.where(on, -normal.speed(moving), 0.0), barrier)
             for on, normal in zip(touches, rows.normals, strict=True)
         ]
 
-    for _ in range(IMPACTS):
-        approach = closing_speeds()
+    def meet(_: Any, moving: Rate) -> Rate:
+        approach = closing_speeds(moving)
         normal, tangent, fastest = rows.normals[0], rows.tangents[0], approach[0]
         for a in range(1, len(touches)):
             faster = approach[a] > fastest
@@ -271,8 +362,10 @@ def _meet(
         pushed = fence(jnp.where(hits, pushed * normal.size, 0.0), barrier)
         rubbed = fence(jnp.where(hits, rubbed * tangent.size, 0.0), barrier)
         moving = moving.plus(normal.row, pushed).plus(tangent.row, rubbed)
-        moving = Rate(*fence_all(tuple(moving), barrier))
-    approach = closing_speeds()
+        return Rate(*fence_all(tuple(moving), barrier))
+
+    moving = jax.lax.fori_loop(0, IMPACTS, meet, moving)
+    approach = closing_speeds(moving)
     closing = jnp.asarray(False)
     for speed in approach:
         closing = closing | (speed > law.resting_speed)
@@ -282,6 +375,39 @@ def _meet(
         for on, speed, normal in zip(touches, approach, rows.normals, strict=True)
     ]
     return rows.settle(moving, least_pushes(rows.cosines, needs, barrier), barrier), closing
+
+
+def _free(
+    law: ContactLaw,
+    position: Vec,
+    touches: Sequence[Flag],
+    moving: Rate,
+    leg: Leg,
+    left: Scalar,
+    gyration: Scalar,
+    margins: Margins,
+) -> tuple[Rate, Scalar]:
+    """The acceleration without contacts that stands for the leap, and for how many seconds at most.
+
+    In a hand that turns, and with drag, it depends on velocity; the one halfway through the leap
+    stands for all of it.
+    """
+    velocity = Vec(moving.x, moving.y)
+    longest = NEVER + 0.0 * left
+    pull, turn = leg.felt(position, velocity), -leg.turning * gyration
+    if leg.carry is not None:
+        alone = jnp.asarray(True)
+        for on in touches:
+            alone = alone & ~on
+        # What slides along a limb feels Coriolis' force square to it, so that the start's does.
+        half = jnp.where(alone, 0.5 * left, 0.0)
+        pull = leg.felt(position + (velocity + pull * (0.5 * half)) * half, velocity + pull * half)
+    if law.drag is not None:
+        speed = unit_and_length(velocity)[1] + jnp.abs(moving.turn)
+        longest = jnp.where(speed > margins.slow, LARGEST_BRAKE / law.drag, longest)
+        brake = law.drag / (1.0 + 0.5 * law.drag * jnp.minimum(left, longest))
+        pull, turn = pull - velocity * brake, turn - moving.turn * brake
+    return Rate(pull.x, pull.y, turn), longest
 
 
 def _bends(contact: Contact, moving: Rate, spin: Scalar) -> tuple[Scalar, Scalar]:
@@ -300,13 +426,32 @@ def _bends(contact: Contact, moving: Rate, spin: Scalar) -> tuple[Scalar, Scalar
     return jnp.where(by_edge, edge, vertex), jnp.where(by_edge, edge_along, vertex_along)
 
 
+class Pressing(eqx.Module):
+    """What a contact needs to be kept.
+
+    Attributes:
+        need, along: pushes along the normal, NOT_NEEDED where it is off, and against slipping.
+        stays: whether it is on.
+        slip: the speed along the tangent.
+        sticks: whether that is none.
+        bend_along: what turning adds to the acceleration along the tangent.
+    """
+
+    need: Scalar
+    stays: Flag
+    slip: Scalar
+    sticks: Flag
+    along: Scalar
+    bend_along: Scalar
+
+
 def _carried(
     law: ContactLaw,
-    found: Sequence[Contact],
+    found: Contact,
     rows: Rows,
     touches: Sequence[Flag],
     moving: Rate,
-    pull: Vec,
+    free: Rate,
     per_gyration: Scalar,
     margins: Margins,
     barrier: Scalar,
@@ -317,19 +462,27 @@ def _carried(
         Velocity and acceleration with them, which contacts these are, and for how many seconds
         those that slip do so.
     """
-    free = Rate(pull.x, pull.y, 0.0 * pull.x)
     spin = fence(moving.turn * per_gyration, barrier)
-    bends = [fence_all(_bends(contact, moving, spin), barrier) for contact in found]
-    needs, stays = [], []
-    for on, normal, (bend, _) in zip(touches, rows.normals, bends, strict=True):
+
+    def pressing(contact: Contact, on: Flag, normal: Direction, tangent: Direction) -> Pressing:
+        bend, bend_along = fence_all(_bends(contact, moving, spin), barrier)
         leaving = normal.speed(moving)
-        pressing = -(normal.speed(free) + bend)
+        presses = -(normal.speed(free) + bend)
         # One that leaves a limb so slowly that it would be back before it is `near` away.
-        caught = (leaving * leaving < 2.0 * margins.near * pressing) & (pressing > 0)
+        caught = (leaving * leaving < 2.0 * margins.near * presses) & (presses > 0)
         caught = caught & (leaving < law.resting_speed)
-        stay = decided(on & ((leaving < margins.slow) | caught), barrier)
-        stays.append(stay)
-        needs.append(fence(jnp.where(stay, pressing / normal.size, NOT_NEEDED), barrier))
+        stays = decided(on & ((leaving < margins.slow) | caught), barrier)
+        need = jnp.where(stays, presses / normal.size, NOT_NEEDED)
+        slip = tangent.speed(moving)
+        sticks = decided(stays & (jnp.abs(slip) < margins.slow), barrier)
+        along = -(tangent.speed(free) + bend_along) / tangent.size
+        need, slip, along = fence_all((need, slip, along), barrier)
+        return Pressing(need, stays, slip, sticks, along, bend_along)
+
+    each = unstacked(
+        for_each(pressing, found, *map(stacked, (touches, rows.normals, rows.tangents))), CONTACTS
+    )
+    needs, stays = [one.need for one in each], [one.stays for one in each]
 
     def kept(moving: Rate, loaded: Sequence[Flag]) -> Rate:
         """Without what drift and rounding have left of speed where a limb carries it, and without
@@ -350,27 +503,22 @@ def _carried(
         fence(law.friction * tangent.size / normal.size, barrier)
         for normal, tangent in zip(rows.normals, rows.tangents, strict=True)
     ]
-    slips = [fence(tangent.speed(moving), barrier) for tangent in rows.tangents]
-    sticks = [
-        decided(stay & (jnp.abs(slip) < margins.slow), barrier)
-        for stay, slip in zip(stays, slips, strict=True)
-    ]
-    along = [
-        fence(-(tangent.speed(free) + bend) / tangent.size, barrier)
-        for tangent, (_, bend) in zip(rows.tangents, bends, strict=True)
-    ]
+    slips, sticks = [one.slip for one in each], [one.sticks for one in each]
+    along = [one.along for one in each]
     pushes, rubs = forces_with_friction(rows, needs, along, slips, sticks, ratio, barrier)
     loaded = [decided(push > 0, barrier) for push in pushes]
-    moving = kept(moving, loaded)
-    for _ in range(2):
+
+    def clean(_: Any, moving: Rate) -> Rate:
         for tangent, on, stick in zip(rows.tangents, loaded, sticks, strict=True):
             back = jnp.where(on & stick, -tangent.row.dot(moving), 0.0)
             moving = Rate(*fence_all(tuple(moving.plus(tangent.row, back)), barrier))
-        moving = kept(moving, loaded)
+        return kept(moving, loaded)
+
+    moving = jax.lax.fori_loop(0, 3, clean, moving)
     acceleration = rows.settle(free, pushes, barrier)
     acceleration = acceleration.plus_all([tangent.row for tangent in rows.tangents], rubs)
     still = jnp.maximum(jnp.maximum(jnp.abs(moving.x), jnp.abs(moving.y)), jnp.abs(moving.turn))
-    strength = unit_and_length(pull)[1] + 1e-9
+    strength = unit_and_length(Vec(free.x, free.y))[1] + 1e-9
     rests = (still < margins.slow) & at_rest_under(rows, stays, ratio, free, strength)
     rests = decided(rests, barrier)
     moving = Rate(*(jnp.where(rests, 0.0, part) for part in moving))
@@ -378,10 +526,10 @@ def _carried(
     moving, acceleration = (
         Rate(*fence_all(tuple(rate), barrier)) for rate in (moving, acceleration)
     )
-    steady = NEVER + 0.0 * pull.x
-    for on, stick, tangent, (_, bend) in zip(loaded, sticks, rows.tangents, bends, strict=True):
-        slip, change = tangent.speed(moving), tangent.speed(acceleration) + bend
-        brakes = on & ~stick & (slip * change < 0)
+    steady = NEVER + 0.0 * free.x
+    for on, one, tangent in zip(loaded, each, rows.tangents, strict=True):
+        slip, change = tangent.speed(moving), tangent.speed(acceleration) + one.bend_along
+        brakes = on & ~one.sticks & (slip * change < 0)
         stop = jnp.abs(slip) / jnp.where(brakes, jnp.abs(change), 1.0)
         steady = jnp.where(brakes, jnp.minimum(steady, stop), steady)
     return moving, acceleration, loaded, fence(steady, barrier)
@@ -389,7 +537,7 @@ def _carried(
 
 def _while_kept(
     longest: Scalar,
-    found: Sequence[Contact],
+    found: Contact,
     loaded: Sequence[Flag],
     outline: Outline,
     skin: Scalar,
@@ -412,7 +560,9 @@ def _while_kept(
     hard = unit_and_length(path.acceleration)[1]
     fast = unit_and_length(path.velocity)[1] + hard * ahead
     spin, fast, hard = fence_all((spin, fast, hard), barrier)
-    for contact, on in zip(found, loaded, strict=True):
+
+    def for_contact(longest: Scalar, each: tuple[Contact, Flag]) -> tuple[Scalar, None]:
+        contact, on = each
         # What the gap's third derivative is at most leads it astray by no more than half of `near`.
         arm = unit_and_length(contact.arm)[1]
         jerk = arm * (3.0 * twist * spin + spin * spin * spin)
@@ -436,8 +586,9 @@ def _while_kept(
         ends = jnp.where(on_end, rolled, ends)
         ends = jnp.where(contact.kind == ON_EDGE, jnp.minimum(ends, rolled), ends)
         ends = jnp.where(strays, jnp.minimum(ends, astray), ends)
-        longest = jnp.where(on, jnp.minimum(longest, ends), longest)
-    return fence(longest, barrier)
+        return fence(jnp.where(on, jnp.minimum(longest, ends), longest), barrier), None
+
+    return jax.lax.scan(for_contact, longest, (found, stacked(loaded)))[0]
 
 
 def outline_or_one(outline: Outline) -> Scalar:

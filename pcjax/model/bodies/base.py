@@ -35,6 +35,22 @@ def size_field(help: str) -> Any:
     )
 
 
+class Shape(eqx.Module):
+    """What contact needs of a rounded convex polygon, worked out once.
+
+    Attributes:
+        vertices: of the polygon, seen from the centre of mass, counterclockwise.
+        skin: the radius of its corners, not 0.
+        per_gyration: 1 over the radius of gyration; 0 for what does not turn.
+        radius: of the circle about the centre in which it can turn.
+    """
+
+    vertices: tuple[Vec, ...]
+    skin: Scalar
+    per_gyration: Scalar
+    radius: Scalar
+
+
 class Body(Component):
     """What an object tells about itself. How it moves is in `pcjax.physics.step.move_body`.
 
@@ -64,6 +80,13 @@ class Body(Component):
     def width(self) -> Scalar:
         """The narrowest gap that it fits through, a length."""
         raise NotImplementedError
+
+    def shape(self) -> Shape | None:
+        """What contact needs of a convex body; None for any other one."""
+        if not self.convex:
+            return None
+        body: Any = self
+        return Shape(body.vertices, body.skin, body.per_gyration, body.radius)
 
     def outline(self) -> tuple[tuple[Vec, ...], Scalar]:
         """Its corners seen from its centre, in its own axes, and the radius by which they are

@@ -12,9 +12,9 @@ from jaxtyping import Array, Float
 
 from pcjax.checks import check_between
 from pcjax.components import quantity
-from pcjax.geometry import Flag, Scalar, Vec
+from pcjax.geometry import Flag, Scalar, Vec, where
 from pcjax.model.drives.base import Drive, Placement, duration_field, gravity_field, register_drive
-from pcjax.model.motion import Motion, Twist
+from pcjax.model.motion import Carry, Leg, Motion, Twist
 
 Joints = tuple[Scalar, Scalar, Scalar]
 
@@ -141,27 +141,25 @@ class PlanarArm(Drive):
 
         def moving() -> Motion:
             joints, rates = self._along(profile, time + dt)
-            gravity = self._gravity_at(joints)
+            gravity, felt = self._gravity_at(joints), self._felt(profile, time + dt)
+            twist = self._twist(profile, time + dt)
             toward, speeds = self._links(joints), _sums(rates)
             spin = speeds[2]
-            carried = pushed = flung = Vec(0.0 * spin, 0.0 * spin)
+            pushed = Vec(0.0 * spin, 0.0 * spin)
             for link, length, speed in zip(toward, self.lengths, speeds, strict=True):
                 across = Vec(-link.y, link.x)
                 turn = speed * dt
-                carried = carried + across * (length * speed)
                 # How far the link's end has come, from where the link points now; 1 - cos as a
                 # square, which keeps its digits.
                 half = jnp.sin(0.5 * turn)
                 moved = across * jnp.sin(turn) + link * (2.0 * half * half)
                 pushed = pushed + moved * length
-                flung = flung + link * (length * speed * speed)
             c, s = jnp.cos(spin * dt), jnp.sin(spin * dt)
             ahead = _turned_back(velocity, c, s)
             place = _turned_back(position, c, s) + (ahead + gravity * (0.5 * dt)) * dt - pushed
             ahead = ahead + gravity * dt
-            twist = Twist(carried, spin)
             seen = ahead - twist.at(place)
-            felt = gravity + flung + place * (spin * spin) + Vec(seen.y, -seen.x) * (2.0 * spin)
+            felt = felt + place * (spin * spin) + Vec(seen.y, -seen.x) * (2.0 * spin)
             return Motion(place, ahead, felt, twist)
 
         def held() -> Motion:
@@ -175,6 +173,52 @@ class PlanarArm(Drive):
 
         # Shared by all lanes, as for the wrist; half a step in, so that rounding does not decide.
         return jax.lax.cond(time + 0.5 * dt < self.ramp_time, moving, held)
+
+    def steady_interval(self, drift: Scalar) -> Scalar:
+        """Seconds for which a leg may last while the arm moves.
+
+        In an interval h the pull's change leads the object astray by at most f h^3 / 12, with f
+        about three times gravity's rate, for what is pulled moves as well; that stays within
+        `drift` (a length). Nor does the hand turn by more than a tenth of a radian meanwhile.
+        """
+        spin = sum(high - low for low, high in zip(self.low, self.high, strict=True))
+        spin = jnp.maximum(spin / self.ramp_time, 1e-9)
+        change = 3.0 * spin * self.gravity
+        longest = jnp.minimum(jnp.cbrt(12.0 * drift / jnp.maximum(change, 1e-9)), 0.1 / spin)
+        return self.ramp_time / jnp.clip(jnp.ceil(self.ramp_time / longest), 1.0, 1e4)
+
+    def leg(self, profile: JointProfile, time: Scalar, interval: Scalar) -> Leg:
+        """What is felt halfway through an interval of the ramp, or until the period's end."""
+        lasts = self.ramp_time / jnp.ceil(self.ramp_time / interval - 1e-3)
+        moving = time < self.ramp_time * (1 - 1e-6)
+        since = jnp.floor(time / lasts + 1e-3) * lasts
+        halfway = self._felt(profile, since + 0.5 * lasts)
+        begin, end = (
+            jax.tree.map(lambda part: jnp.where(moving, part, 0.0), self._twist(profile, at))
+            for at in (since, since + lasts)
+        )
+        pull = where(moving, halfway, profile.held)
+        until = jnp.where(moving, since + lasts, self.period)
+        return Leg(pull, until, Carry(since, begin, end, lasts))
+
+    def _twist(self, profile: JointProfile, time: Scalar) -> Twist:
+        """How the hand moves at a time of the ramp."""
+        joints, rates = self._along(profile, time)
+        speeds = _sums(rates)
+        carried = Vec(0.0 * speeds[2], 0.0 * speeds[2])
+        for link, length, speed in zip(self._links(joints), self.lengths, speeds, strict=True):
+            carried = carried + Vec(-link.y, link.x) * (length * speed)
+        return Twist(carried, speeds[2])
+
+    def _felt(self, profile: JointProfile, time: Scalar) -> Vec:
+        """What a thing that rests at the palm's middle feels at a time of the ramp: gravity, and
+        the links' centrifugal accelerations."""
+        joints, rates = self._along(profile, time)
+        speeds = _sums(rates)
+        flung = Vec(0.0 * speeds[2], 0.0 * speeds[2])
+        for link, length, speed in zip(self._links(joints), self.lengths, speeds, strict=True):
+            flung = flung + link * (length * speed * speed)
+        return self._gravity_at(joints) + flung
 
     def pose(self, profile: JointProfile, time: Scalar) -> tuple[tuple[Vec, ...], Scalar]:
         """The arm in the world at a time of a period: its joints from the base to the palm's

@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array
 
 from pcjax.components import Component, Registry, quantity
 from pcjax.geometry import Flag, Mirror, Scalar, Vec
-from pcjax.model.motion import Motion, Twist
+from pcjax.model.motion import Carry, Leg, Motion, Twist
 
 DRIVES: Registry[Drive] = Registry(
     "drive", "pcjax.drives", ("pcjax.model.drives.wrist", "pcjax.model.drives.arm")
@@ -63,8 +64,9 @@ class Drive(Component):
 
     Attributes:
         targets_per_period: how many draws a period takes.
-        steady_in_between: whether gravity is all that changes, and `steady` and `steady_interval`
-            say how: then trials can leap from event to event.
+        steady_in_between: whether gravity is all that changes, so that no `leg` has a `carry` and
+            `steady_interval` bounds how it changes: then a circle's trials can leap from event to
+            event.
         longest_step: the longest step, s, that accuracy allows whatever the speed.
         usual_max_steps: the limit in steps of 0.001 s unless one is given.
         usual_directions: "both" or "does", where a hand has both and none is asked for.
@@ -110,22 +112,37 @@ class Drive(Component):
         raise NotImplementedError
 
     def steady_interval(self, drift: Scalar) -> Scalar:
-        """Seconds for which gravity may be taken as constant, where it is `steady_in_between`.
+        """Seconds for which a leg may last.
 
         Arguments:
-            drift: how far that may lead the object astray, a length.
+            drift: how far taking the pull as constant may lead the object astray, a length.
         """
-        raise NotImplementedError
+        return self.longest_step + 0.0 * drift
 
-    def steady(self, profile: Any, time: Scalar, interval: Scalar) -> tuple[Vec, Scalar]:
-        """A pull that stands for gravity from `time` (s) of a period on, and until when.
+    def leg(self, profile: Any, time: Scalar, interval: Scalar) -> Leg:
+        """What pulls from `time` (s) of a period on, and until when that stands.
+
+        Unless a drive says it better, it is what `fly` says over the `interval` in which `time` is.
 
         Arguments:
             profile: from `profile`.
             time: of the period, s.
-            interval: from `steady_interval`.
+            interval: seconds, about; intervals divide the period evenly.
         """
-        raise NotImplementedError
+        lasts = self.period / jnp.ceil(self.period / interval - 1e-3)
+        since = jnp.floor(time / lasts + 1e-3) * lasts
+        still = Vec(0.0 * since, 0.0 * since)
+        soon = self.fly(profile, still, still, since, lasts / 1024).twist
+        if soon is None:
+            return Leg(self.fly(profile, still, still, since, lasts).acceleration, since + lasts)
+        late = self.fly(profile, still, still, since, lasts).twist
+        assert late is not None
+        middle = self.fly(profile, still, still, since + 0.5 * lasts, lasts / 64)
+        assert middle.twist is not None
+        # Without Coriolis', since what rests on the ground moves as seen from the hand.
+        away = middle.twist.velocity
+        pull = middle.acceleration + Vec(away.y, -away.x) * (2.0 * middle.twist.spin)
+        return Leg(pull, since + lasts, Carry(since, soon, late, lasts))
 
     def top_speed(self, reach: float) -> float:
         """About the highest speed of an object in a hand of length `reach`, for plain numbers.
@@ -199,6 +216,14 @@ class WrappedDrive(Drive):
         """As the drive's."""
         return self.drive.fly(profile, position, velocity, time, dt)
 
+    def steady_interval(self, drift: Scalar) -> Scalar:
+        """As the drive's."""
+        return self.drive.steady_interval(drift)
+
+    def leg(self, profile: Any, time: Scalar, interval: Scalar) -> Leg:
+        """As the drive's."""
+        return self.drive.leg(profile, time, interval)
+
     def top_speed(self, reach: float) -> float:
         """As the drive's."""
         return self.drive.top_speed(reach)
@@ -237,6 +262,21 @@ class MirroredDrive(WrappedDrive):
             mirror.vector(real.acceleration),
             twist,
         )
+
+    def leg(self, profile: Any, time: Scalar, interval: Scalar) -> Leg:
+        """The image of the drive's leg."""
+        mirror = self.mirror
+        real = self.drive.leg(profile, time, interval)
+        origin = mirror.origin
+        still = Vec(0.0 * origin.x, 0.0 * origin.y)
+        pull = mirror.vector(real.felt(origin, still))
+        if real.carry is None:
+            return Leg(pull, real.until)
+        begin, end = (
+            Twist(mirror.vector(twist.at(origin)), -twist.spin)
+            for twist in (real.carry.begin, real.carry.end)
+        )
+        return Leg(pull, real.until, Carry(real.carry.since, begin, end, real.carry.lasts))
 
     def top_speed(self, reach: float) -> float:
         """About the highest speed of an object in a hand of length `reach`, for plain numbers."""

@@ -14,7 +14,7 @@ from pcjax.checks import check_between
 from pcjax.components import quantity
 from pcjax.geometry import Flag, Mirror, Scalar, Vec, where
 from pcjax.model.drives.base import Drive, Placement, duration_field, gravity_field, register_drive
-from pcjax.model.motion import Motion
+from pcjax.model.motion import Leg, Motion
 
 
 class Pull(eqx.Module):
@@ -125,14 +125,14 @@ class WristTilt(Drive):
         longest = jnp.cbrt(12.0 * drift / jnp.maximum(change, 1e-9))
         return self.ramp_time / jnp.clip(jnp.ceil(self.ramp_time / longest), 1.0, 1e4)
 
-    def steady(self, profile: TiltProfile, time: Scalar, interval: Scalar) -> tuple[Vec, Scalar]:
-        """A pull that stands for gravity from `time` (s) of a period on, and until when."""
+    def leg(self, profile: TiltProfile, time: Scalar, interval: Scalar) -> Leg:
+        """Gravity as it is halfway through an interval of the ramp, or until the period's end."""
         number = jnp.floor(time / interval + 1e-3)
         turning = time < self.ramp_time * (1 - 1e-6)
         pull = where(
             turning, self._gravity_during(profile, (number + 0.5) * interval), profile.held
         )
-        return pull, jnp.where(turning, (number + 1.0) * interval, self.period)
+        return Leg(pull, jnp.where(turning, (number + 1.0) * interval, self.period))
 
     def fly(
         self, profile: TiltProfile, position: Vec, velocity: Vec, time: Scalar, dt: Scalar

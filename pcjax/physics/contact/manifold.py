@@ -24,6 +24,7 @@ from pcjax.geometry import (
     bits,
     fence,
     fence_all,
+    for_each,
     pick,
     stacked,
     unit_and_length,
@@ -139,8 +140,8 @@ def nearest_contacts(
     rounding: Scalar,
     half_thickness: Scalar,
     barrier: Scalar,
-) -> list[Contact]:
-    """The `count` nearest contacts, the nearest first.
+) -> Contact:
+    """The `count` nearest contacts, the nearest first, stacked.
 
     All pairs of features are looked at, one limb after the other so that the program stays small.
     The squared distances' last bits hold the number of the pair.
@@ -216,7 +217,7 @@ def nearest_contacts(
         numbers, kinds = eqx.partition(found, lambda x: jnp.issubdtype(x.dtype, jnp.floating))
         return eqx.combine(fence_all(numbers, barrier), kinds)
 
-    return [contact(key) for key in best]
+    return for_each(contact, jnp.stack(best))
 
 
 def decided(flag: Flag, barrier: Scalar) -> Flag:
