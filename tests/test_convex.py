@@ -22,6 +22,7 @@ from pcjax.simulate.convex import ConvexLeaps
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
 from pcjax.simulate.event import EventDriven
 from pcjax.simulate.tumbling import Tumble, tumble
+from scipy.integrate import solve_ivp
 from tests.reference import polygon as reference
 
 pytestmark = pytest.mark.usefixtures("quick_programs")
@@ -196,9 +197,16 @@ def test_least_pushes_pull_at_nothing_and_leave_nothing_out() -> None:
 WRIST = pcjax.WristTilt(ramp_time=0.1, period=3.1)
 
 
-def slid(body: Body, pull: tuple[float, float], friction: float, speed: float = 0.0) -> Tumble:
+def slid(
+    body: Body,
+    pull: tuple[float, float],
+    friction: float,
+    speed: float = 0.0,
+    drag: float = 0.0,
+) -> Tumble:
     """A body that lies on the palm for 3 s under a steady pull, at (0, height)."""
-    scenario = pcjax.does(pcjax.box_hand(), body, WRIST, pcjax.ContactLaw(friction=friction))
+    law = pcjax.ContactLaw(friction=friction, drag=drag)
+    scenario = pcjax.does(pcjax.box_hand(), body, WRIST, law)
     return _slid(scenario, jnp.asarray(pull), jnp.asarray(speed))
 
 
@@ -232,9 +240,34 @@ def test_a_block_sticks_slides_brakes_and_tips() -> None:
     stops = slid(block, (0.0, -10.0), 0.3, speed=6.0)
     assert float(stops.position.x) == pytest.approx(6.0**2 / (2 * 3), rel=1e-3)
     assert float(stops.velocity.x) == 0.0
-    # With friction enough it tips over its leading corner: the pull leaves its base.
+
+
+def test_a_block_tips_about_its_leading_corner_as_the_pull_leaves_its_base() -> None:
+    """Against the equation of motion of a block on a hinge."""
+    block = pcjax.Square(60.0)
     assert abs(float(slid(block, (9.0, -10.0), 2.0).angle)) < 1e-4
-    assert float(slid(block, (11.0, -10.0), 2.0).angle) < -0.3
+    inertia = 2 / 3 * 60.0**2
+
+    def hinged(_: float, state: Any) -> Any:
+        angle = state[0] + 3 * math.pi / 4  # from the corner to the centre
+        x, y = 30 * math.sqrt(2) * math.cos(angle), 30 * math.sqrt(2) * math.sin(angle)
+        return state[1], (x * -10.0 - y * 12.0) / inertia
+
+    true = solve_ivp(hinged, (0, 3), (0, 0), rtol=1e-9, atol=1e-9).y[:, -1]
+    tips = slid(block, (12.0, -10.0), 2.0)
+    np.testing.assert_allclose([float(tips.angle), float(tips.spin)], true, rtol=5e-3)
+
+
+def test_drag_brakes_as_an_exponential() -> None:
+    """v' = a - c v, in flight as in sliding."""
+    slides = slid(pcjax.Square(60.0, 0.5), (4.0, -10.0), 0.1, speed=5.0, drag=0.4)
+    settles = (4.0 - 1.0) / 0.4
+    left = math.exp(-0.4 * 3)
+    assert float(slides.velocity.x) == pytest.approx(settles + (5 - settles) * left, rel=2e-3)
+    travelled = settles * 3 + (5 - settles) * (1 - left) / 0.4
+    assert float(slides.position.x) == pytest.approx(travelled, rel=2e-3)
+    spins = slid(pcjax.Circle(20.0), (0.0, -10.0), 2.0, speed=9.0, drag=0.4)
+    assert float(spins.velocity.x) == pytest.approx(9 * 2 / 3 * left, rel=2e-3)
 
 
 def test_a_circle_rolls_at_two_thirds_and_skids_beyond_its_grip() -> None:
