@@ -131,14 +131,10 @@ def test_a_body_of_a_study_comes_back(tmp_path: Any) -> None:
 
 def test_what_no_engine_can_run_is_said() -> None:
     square, rough = pcjax.Square(40.0), pcjax.ContactLaw(friction=0.3)
-    arm: dict[str, Any] = {"drive": pcjax.PlanarArm(), "trials": 2, "progress": False}
-    with pytest.raises(ValueError, match=r"no engine can run this: .*a hand that a wrist tilts"):
-        pcjax.evaluate(pcjax.two_joint_hand(), square, **arm)
-    for engine in ("event", "stepping"):
-        with pytest.raises(
-            ValueError, match="knows contact without friction; take engine 'convex'"
-        ):
-            pcjax.evaluate(body=pcjax.Circle(25.0), law=rough, engine=engine, trials=2)
+    with pytest.raises(ValueError, match=r"no engine can run this: .*this one is smoothed"):
+        pcjax.evaluate(body=square, law=pcjax.ContactLaw(smoothing=1.0), trials=2)
+    with pytest.raises(ValueError, match="without friction and drag; take engine 'convex'"):
+        pcjax.evaluate(body=pcjax.Circle(25.0), law=rough, engine="event", trials=2)
 
 
 # -------------------------------------------------------------------------------------- contacts
@@ -255,7 +251,7 @@ def test_a_block_tips_about_its_leading_corner_as_the_pull_leaves_its_base() -> 
 
     true = solve_ivp(hinged, (0, 3), (0, 0), rtol=1e-9, atol=1e-9).y[:, -1]
     tips = slid(block, (12.0, -10.0), 2.0)
-    np.testing.assert_allclose([float(tips.angle), float(tips.spin)], true, rtol=5e-3)
+    np.testing.assert_allclose([float(tips.angle), float(tips.spin)], true, rtol=1e-2)
 
 
 def test_drag_brakes_as_an_exponential() -> None:

@@ -77,10 +77,10 @@ CONTACTS = 4
 IMPACTS = 3
 """Impacts of a leap. Where more follow each other, the leap ends where it began."""
 
-LARGEST_TURN = 0.05
+LARGEST_TURN = 0.01
 """Largest turn, radians, of a leap on a contact that carries the body."""
 
-LARGEST_BRAKE = 0.03
+LARGEST_BRAKE = 0.02
 """Largest share of a speed that drag takes in one leap."""
 
 CAPTURE = 0.1
@@ -405,8 +405,9 @@ def _free(
     if law.drag is not None:
         speed = unit_and_length(velocity)[1] + jnp.abs(moving.turn)
         longest = jnp.where(speed > margins.slow, LARGEST_BRAKE / law.drag, longest)
-        brake = law.drag / (1.0 + 0.5 * law.drag * jnp.minimum(left, longest))
-        pull, turn = pull - velocity * brake, turn - moving.turn * brake
+        # As halfway through the leap, if it is not cut short.
+        share = 1.0 / (1.0 + 0.5 * law.drag * jnp.where(longest < NEVER, longest, 0.0))
+        pull, turn = (pull - velocity * law.drag) * share, (turn - moving.turn * law.drag) * share
     return Rate(pull.x, pull.y, turn), longest
 
 
