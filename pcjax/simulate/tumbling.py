@@ -483,7 +483,10 @@ def _while_apart(
         gap = jnp.maximum(gap, 0.0)
         touches = (gap <= near) & (speed > -noise)
         opens = speed > noise
-        gap = jnp.where(touches, jnp.where(opens, 0.0, jnp.maximum(gap, near / 64)), gap)
+        # One that closes and is no contact of its own, such as a joint about to be reached: a floor
+        # keeps the leap from ending where it starts.
+        floor = jnp.where(touches, near / 64, near / 4)
+        gap = jnp.where(touches & opens, 0.0, jnp.maximum(gap, floor))
         speed = jnp.where(touches, jnp.maximum(speed, 0.0), speed)
         time = first_root(gap, speed, jnp.maximum(bound, true - jerk * horizon))
         # One that neither opens nor closes: for as long as it opens for certain, and as the third
