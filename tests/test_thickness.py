@@ -71,8 +71,11 @@ def test_starts_touch_the_surfaces() -> None:
         distances = [float(limb.distance(start)) for limb in hand.limbs()]
     assert distances[0] == pytest.approx(20 + 7, abs=1e-9)
     assert distances[3] == pytest.approx(20 + 7, abs=1e-9)
-    with pytest.raises(ValueError, match="the circle of radius 20 does not fit at its start"):
-        check_geometry(pcjax.does(replace(hand, thickness=200.0), pcjax.Circle(20.0)))
+    # 160 from side to side, and starts that are 50 apart.
+    tight = pcjax.box_hand(0.0, gap_width=480.0, thickness=340.0)
+    check_geometry(pcjax.does(tight, pcjax.Circle(54.0)))
+    with pytest.raises(ValueError, match="the circle of radius 56 does not fit at its start"):
+        check_geometry(pcjax.does(tight, pcjax.Circle(56.0)))
 
 
 def test_surfaces_that_overlap_are_refused_but_for_those_close_along_the_hand() -> None:
@@ -156,11 +159,11 @@ def test_as_thickness_vanishes_so_does_what_it_does() -> None:
         return jnp.stack([path.position.x[-1], path.position.y[-1]])
 
     with jax.enable_x64(True):
-        ends = jax.jit(jax.vmap(end))(jnp.array([0.0, 1e-6, 1e-3]))
-        slope = jax.jit(jax.jacfwd(end))(jnp.asarray(0.0))
-    assert float(jnp.abs(ends[1] - ends[0]).max()) < 1e-5
+        ends = np.asarray(jax.jit(jax.vmap(end))(jnp.array([0.0, 1e-6, 1e-3])))
+        slope = np.asarray(jax.jit(jax.jacfwd(end))(jnp.asarray(0.0)))
+    assert np.abs(ends[1] - ends[0]).max() < 1e-5
     np.testing.assert_allclose(slope, (ends[2] - ends[0]) / 1e-3, atol=0.02)
-    assert float(jnp.abs(slope).max()) > 0.1
+    assert np.abs(slope).max() > 0.1
 
 
 def test_the_stick_goes_by_the_engine_for_convex_bodies() -> None:
