@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -664,7 +665,7 @@ def test_export_reads_a_study_file(command: Command, tmp_path: Path):
         done = command(f"export hand.toml --thickness 8 --with-object --plot hand.{ending}")
         assert (done.code, done.err) == (0, "")
         by_hand = pcjax.export_hand(
-            study.hand, tmp_path / f"own.{ending}", thickness=8, body=study.body
+            replace(study.hand, thickness=8), tmp_path / f"own.{ending}", body=study.body
         )
         if ending == "svg":
             assert (tmp_path / "hand.svg").read_text() == by_hand.read_text()
@@ -946,7 +947,7 @@ BAD_DRAWINGS = [
     refused("map --y gap-width=10:40 --points 2 2", "no hand on the map"),
     refused("map --objective index3", "index3", "index1"),
     refused("export --plot hand.stl", "hand.stl", ".svg, .dxf"),
-    refused("export --thickness 0", "thickness", "0"),
+    refused("export --thickness -1", "--thickness is -1", "at least 0"),
     refused("export --thickness nan", "thickness", "nan"),
     refused("export --fingertip-length 600 --fingertip-angle 0", "crosses the palm"),
     refused("export missing.toml", "missing.toml"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -293,11 +294,12 @@ def test_one_vertex_is_the_circle() -> None:
     assert not np.any(mine.status == INVALID)
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.35])
-def test_trials_are_the_references(friction: float) -> None:
+@pytest.mark.parametrize(("friction", "thickness"), [(0.0, 0.0), (0.35, 0.0), (0.35, 16.0)])
+def test_trials_are_the_references(friction: float, thickness: float) -> None:
     """Square and rod, 48 trials to 30 s by steps of 1 ms: most end within 20 steps of another."""
     for body in (pcjax.Square(70.0, 0.5), pcjax.Capsule(70.0, 1.0)):
-        scenario = pcjax.does(OPEN, body, law=pcjax.ContactLaw(friction=friction))
+        hand = replace(OPEN, thickness=thickness)
+        scenario = pcjax.does(hand, body, law=pcjax.ContactLaw(friction=friction))
         mine = run([scenario], engine=ConvexLeaps(), trials=48, max_steps=30_000)
         theirs = by_reference(scenario, 48, 30.0) / 0.001
         assert not np.any(mine.status == INVALID)
@@ -336,6 +338,7 @@ def by_reference(scenario: Scenario, trials: int, seconds: float) -> np.ndarray:
         line,
         own,
         float(shape.skin),
+        0.5 * float(hand.thickness),
         1 / float(shape.per_gyration),
         True,
         0.0 if law.friction is None else law.friction,

@@ -141,7 +141,7 @@ def expected_parameters(*, mirrored: bool) -> dict[str, float]:
     design = pcjax.HandDesign(510.0, LENGTHS, ANGLES)
     turn = design.tip_mirror().turn
     angles = design.with_fingertips_mirrored().angles if mirrored else ANGLES
-    hand = {"hand.palm_length": 510.0, "start_spread": 0.08}
+    hand = {"hand.palm_length": 510.0, "hand.thickness": 0.0, "start_spread": 0.08}
     for i in (0, 1):
         for j in (0, 1, 2):
             hand[f"hand.lengths[{i}][{j}]"] = LENGTHS[i][j]
@@ -177,6 +177,7 @@ def test_a_result_can_be_repeated_from_its_file_alone(run: pcjax.Evaluation, tmp
         of["hand.palm_length"],
         (finger("lengths", 0), finger("lengths", 1)),
         (finger("angles", 0), finger("angles", 1)),
+        of["hand.thickness"],
     )
     again = pcjax.evaluate(
         hand,

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from pcjax.cli.condition import add_condition, condition
-from pcjax.cli.parts import add_outputs, check_writable, number, settle_outputs
+from pcjax.cli.parts import add_outputs, check_writable, settle_outputs
 from pcjax.model.checking import check_geometry
 from pcjax.model.scenario import does
 from pcjax.view.export import check_drawing, export_hand
@@ -15,15 +15,9 @@ from pcjax.view.export import check_drawing, export_hand
 def add_export(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
     add_condition(parser)
-    add = parser.add_argument
-    add(
-        "--thickness",
-        type=number,
-        default=None,
-        metavar="T",
-        help="draw each limb's outline too, this thick, in --units",
+    parser.add_argument(
+        "--with-object", action="store_true", help="draw the object too, at a start"
     )
-    add("--with-object", action="store_true", help="draw the object too, at a start")
     add_outputs(
         parser,
         plot="the drawing, .svg or .dxf, to scale; one model unit is drawn as a millimetre",
@@ -40,6 +34,5 @@ def _run(arguments: argparse.Namespace) -> None:
     study = condition(arguments)
     check_geometry(does(study.hand, study.body, study.drive, study.law))
     body = study.body if arguments.with_object else None
-    thickness, units = arguments.thickness, study.units
-    export_hand(study.hand, arguments.plot, thickness=thickness, body=body, units=units)
+    export_hand(study.hand, arguments.plot, body=body, units=study.units)
     print(f"drawing: {arguments.plot}")

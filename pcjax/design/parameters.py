@@ -19,55 +19,76 @@ from pcjax.words import InputWarning, did_you_mean
 Rows = list[list[Scalar]]
 
 
+@dataclass
+class Draft:
+    """What may change of a hand."""
+
+    lengths: Rows
+    angles: Rows
+    thickness: Scalar
+
+    @classmethod
+    def of(cls, hand: HandDesign) -> Draft:
+        """A hand as it is."""
+        return cls(
+            [list(row) for row in hand.lengths], [list(row) for row in hand.angles], hand.thickness
+        )
+
+    def hand(self, palm_length: Scalar) -> HandDesign:
+        """The hand that has come of it."""
+        lengths, angles = ((tuple(rows[0]), tuple(rows[1])) for rows in (self.lengths, self.angles))
+        return HandDesign(palm_length, lengths, angles, self.thickness)
+
+
 @dataclass(frozen=True)
 class _Kind:
     """What a kind of parameter is to a finger: how to read it, and how to give it a value."""
 
     unit: str
     read: Callable[[HandDesign, int, int], Scalar]
-    write: Callable[[HandDesign, Rows, Rows, int, int, Scalar], None]
+    write: Callable[[HandDesign, Draft, int, int, Scalar], None]
 
 
 def _read_tip_angle(hand: HandDesign, finger: int, _: int) -> Scalar:
     return 90.0 - hand.angles[finger][-1] * (180.0 / math.pi)  # (21)
 
 
-def _write_tip_angle(
-    _: HandDesign, __: Rows, angles: Rows, finger: int, ___: int, value: Scalar
-) -> None:
-    angles[finger][-1] = (90.0 - value) * (math.pi / 180.0)
+def _write_tip_angle(_: HandDesign, draft: Draft, finger: int, __: int, value: Scalar) -> None:
+    draft.angles[finger][-1] = (90.0 - value) * (math.pi / 180.0)
 
 
 def _read_angle(hand: HandDesign, finger: int, joint: int) -> Scalar:
     return hand.angles[finger][joint] * (180.0 / math.pi)
 
 
-def _write_angle(
-    _: HandDesign, __: Rows, angles: Rows, finger: int, joint: int, value: Scalar
-) -> None:
-    angles[finger][joint] = value * (math.pi / 180.0)
+def _write_angle(_: HandDesign, draft: Draft, finger: int, joint: int, value: Scalar) -> None:
+    draft.angles[finger][joint] = value * (math.pi / 180.0)
 
 
 def _read_length(hand: HandDesign, finger: int, joint: int) -> Scalar:
     return hand.lengths[finger][joint]
 
 
-def _write_length(
-    _: HandDesign, lengths: Rows, __: Rows, finger: int, joint: int, value: Scalar
-) -> None:
-    lengths[finger][joint] = value
+def _write_length(_: HandDesign, draft: Draft, finger: int, joint: int, value: Scalar) -> None:
+    draft.lengths[finger][joint] = value
 
 
 def _read_gap_width(hand: HandDesign, _: int, __: int) -> Scalar:
     return hand.finger(1)[-1].start.x - hand.finger(0)[-1].start.x  # (20)
 
 
-def _write_gap_width(
-    hand: HandDesign, lengths: Rows, _: Rows, finger: int, __: int, value: Scalar
-) -> None:
+def _write_gap_width(hand: HandDesign, draft: Draft, finger: int, _: int, value: Scalar) -> None:
     # The second limbs give way, each by half; exact where they are parallel to the palm.
     change = 0.5 * (value - _read_gap_width(hand, 0, 0))
-    lengths[finger][-2] = hand.lengths[finger][-2] - change
+    draft.lengths[finger][-2] = hand.lengths[finger][-2] - change
+
+
+def _read_thickness(hand: HandDesign, _: int, __: int) -> Scalar:
+    return hand.thickness
+
+
+def _write_thickness(_: HandDesign, draft: Draft, __: int, ___: int, value: Scalar) -> None:
+    draft.thickness = value
 
 
 _KINDS = {
@@ -76,11 +97,13 @@ _KINDS = {
     "gap_width": _Kind("", _read_gap_width, _write_gap_width),
     "joint_angle": _Kind("deg", _read_angle, _write_angle),
     "link_length": _Kind("", _read_length, _write_length),
+    "thickness": _Kind("", _read_thickness, _write_thickness),
 }
 
 HELP = (
     "fingertip_angle_deg, fingertip_length (of both fingers; _1 or _2 after angle or length: of "
-    "one), gap_width, joint_angle_J_deg, link_length_J (joint J of both fingers; IJ: of finger I)"
+    "one), gap_width, joint_angle_J_deg, link_length_J (joint J of both fingers; IJ: of finger I), "
+    "thickness (of palm and limbs)"
 )
 """What a parameter may be called: what is in degrees says so."""
 
@@ -142,10 +165,10 @@ class Parameter:
         """Its value on each of its fingers."""
         return [_KINDS[self.kind].read(hand, finger, self.joint) for finger in self.fingers]
 
-    def write(self, base: HandDesign, lengths: Rows, angles: Rows, value: Scalar) -> None:
-        """Changes the rows of a hand that differs from `base` so that it has this value."""
+    def write(self, base: HandDesign, draft: Draft, value: Scalar) -> None:
+        """Changes what is to differ from `base` so that it has this value."""
         for finger in self.fingers:
-            _KINDS[self.kind].write(base, lengths, angles, finger, self.joint, value)
+            _KINDS[self.kind].write(base, draft, finger, self.joint, value)
 
 
 def parameter(
@@ -157,7 +180,7 @@ def parameter(
         name: see `HELP`.
         low, high: degrees or lengths. Unless given: -30 to 50 deg for fingertips, 40 deg
             either way for joints, 0.05 to 0.35 L_p for fingertips' lengths, 0.2 to 0.8 L_p for the
-            gap, half to one and a half of a link.
+            gap, half to one and a half of a link, 0.01 to 0.1 L_p for the thickness.
 
     Raises:
         ValueError: an unknown name, a joint that the hand does not have, or bounds out of order.
@@ -179,7 +202,8 @@ def parameter(
         if match.group(2):
             fingers = (int(match.group(2)) - 1,)
     elif match.group(3) is not None:
-        if kind == "gap_width" or match.group(2) or match.group(3) not in "12":
+        whole = kind in ("gap_width", "thickness")
+        if whole or match.group(2) or match.group(3) not in "12":
             raise ValueError(f"there is no parameter {name}: there are {HELP}")
         fingers = (int(match.group(3)) - 1,)
     if kind == "gap_width" and limbs < 3:
@@ -193,12 +217,15 @@ def parameter(
         "gap_width": (0.2 * palm, 0.8 * palm),
         "joint_angle": (value - 40.0, value + 40.0),
         "link_length": (0.5 * value, 1.5 * value),
+        "thickness": (0.01 * palm, 0.1 * palm),
     }[kind]
     low, high = (usual[0] if low is None else low), (usual[1] if high is None else high)
     check_finite(f"{name}'s lower bound", low)
     check_finite(f"{name}'s upper bound", high)
     if kind in ("fingertip_length", "link_length", "gap_width") and low <= 0:
         raise ValueError(f"{name}'s lower bound is {low:g}: a length has to be above 0")
+    if kind == "thickness" and low < 0:
+        raise ValueError(f"{name}'s lower bound is {low:g}: it has to be at least 0")
     if not low < high:
         raise ValueError(f"{name} is free from {low:g} to {high:g}: the bounds are out of order")
     return Parameter(name, low, high, kind, fingers, joint)

@@ -16,9 +16,9 @@ from pcjax.checks import check_between
 from pcjax.compiling import compiled_quickly
 from pcjax.design.parameters import (
     HELP,
+    Draft,
     Limit,
     Parameter,
-    Rows,
     current_name,
     linear_limit,
     parameter,
@@ -90,6 +90,7 @@ class DesignSpace:
                 # A fingertip's angle and its joint's, say, are the same number.
                 size = len(self.base.lengths[finger])
                 what = "angle" if p.unit else "length"
+                what = p.kind if p.kind == "thickness" else what
                 joint = size - 2 if p.kind == "gap_width" else p.joint % size
                 other = taken.setdefault((what, finger, joint), p.name)
                 if other != p.name or names.count(p.name) > 1:
@@ -129,15 +130,10 @@ class DesignSpace:
 
     def hand(self, design: Array | np.ndarray | Sequence[float]) -> HandDesign:
         """The hand of a design; differentiable."""
-        lengths: Rows = [list(ls) for ls in self.base.lengths]
-        angles: Rows = [list(ts) for ts in self.base.angles]
+        draft = Draft.of(self.base)
         for p, value in zip(self.free, design, strict=True):
-            p.write(self.base, lengths, angles, value)
-        return HandDesign(
-            self.base.palm_length,
-            (tuple(lengths[0]), tuple(lengths[1])),
-            (tuple(angles[0]), tuple(angles[1])),
-        )
+            p.write(self.base, draft, value)
+        return draft.hand(self.base.palm_length)
 
     def spare(self, design: Design) -> tuple[float, bool]:
         """How much wider than object and clearance the gap is, and whether that is no hand."""
@@ -277,7 +273,10 @@ class DesignSpace:
             normals.append(normal / size)
             room.append((limit.most - limit.coefficients @ design) / size)
         steps = 1e-4 * np.diag(self.scales)
-        rises = [self.spare(design + h)[0] - self.spare(design - h)[0] for h in steps]
+        # A thickness of 0 has hands on one side only.
+        thin = np.array([p.kind == "thickness" for p in self.free])
+        about = np.where(thin, np.maximum(design, 1e-4 * self.scales), design)
+        rises = [self.spare(about + h)[0] - self.spare(about - h)[0] for h in steps]
         slope = np.array(rises) / 2e-4
         size = np.linalg.norm(slope)
         if size > 0:

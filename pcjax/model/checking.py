@@ -24,12 +24,12 @@ def is_hand(hand: HandDesign, directions: Sequence[str]) -> Flag:
         one = seen[direction]
         crossed = jnp.any(jnp.array(list(one.crossings().values())))
         good = good & one.faces() & jnp.logical_not(one.blocked_goal() | crossed)
-    return good & same_gap(hand.gap(), seen[directions[-1]].gap())
+    return good & same_gap(hand.gap(), seen[directions[-1]].gap(), hand.thickness)
 
 
 def fits(scenario: Scenario) -> Flag:
     """Whether the object fits at its starts, and they are inside the hand; may be traced."""
-    fit = fit_of(scenario.hand, scenario.body.radius, scenario.start_spread)
+    fit = fit_of(scenario.hand, scenario.contact_radius, scenario.start_spread)
     return (fit.clearance >= _slack(scenario)) & jnp.logical_not(fit.outside)
 
 
@@ -77,7 +77,7 @@ def check_geometry(scenario: Scenario) -> float:
 
 def geometry_of(scenario: Scenario) -> Geometry:
     """What a scenario looks like whose numbers are concrete, in 64 bits."""
-    return geometry_of_hand(scenario.hand, scenario.body.radius, scenario.start_spread)
+    return geometry_of_hand(scenario.hand, scenario.contact_radius, scenario.start_spread)
 
 
 def _advice(scenario: Scenario) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from typing import Any
 
 import equinox as eqx
@@ -13,7 +12,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Float
 
-from pcjax.checks import check_finite, check_positive, check_radians
+from pcjax.checks import check_between, check_finite, check_positive, check_radians
 from pcjax.geometry import (
     Flag,
     Mirror,
@@ -78,15 +77,19 @@ class HandDesign(eqx.Module):
     The hand frame has its origin at the palm's middle, +x along the palm and +y the way the hand
     points. Finger 1 starts at the palm's left end, finger 2 at its right end. With all joint angles
     zero a limb continues its predecessor; positive angles turn a finger towards the hand's axis.
+    Lengths and angles are those of the limbs' middle lines; their surfaces lie half of the
+    thickness off these on both sides, with round ends.
 
     Arguments:
         palm_length: L_p, a length.
         lengths: (finger 1's, finger 2's) limb lengths L_ij, from the palm outwards.
         angles: (finger 1's, finger 2's) joint angles theta_ij in radians.
+        thickness: of palm and limbs, a length; 0 in the paper.
 
     Raises:
-        ValueError: a length that is not positive, a number that is not finite, a finger without
-            limbs or with unequal numbers of lengths and angles. Traced values are not checked.
+        ValueError: a length that is not positive, a thickness below 0, a number that is not finite,
+            a finger without limbs or with unequal numbers of lengths and angles. Traced values are
+            not checked.
 
     Examples:
         >>> import math, pcjax
@@ -101,12 +104,21 @@ class HandDesign(eqx.Module):
     palm_length: Scalar
     lengths: FingerValues
     angles: FingerValues
+    thickness: Scalar
 
-    def __init__(self, palm_length: Scalar, lengths: FingerValues, angles: FingerValues):
+    def __init__(
+        self,
+        palm_length: Scalar,
+        lengths: FingerValues,
+        angles: FingerValues,
+        thickness: Scalar = 0.0,
+    ):
         self.palm_length = palm_length
         self.lengths = (tuple(lengths[0]), tuple(lengths[1]))
         self.angles = (tuple(angles[0]), tuple(angles[1]))
+        self.thickness = thickness
         check_positive("palm_length", palm_length)
+        check_between("thickness", thickness, 0.0, math.inf)
         for finger, (ls, ts) in enumerate(zip(self.lengths, self.angles, strict=True), start=1):
             if len(ls) == 0 or len(ls) != len(ts):
                 raise ValueError(
@@ -125,7 +137,8 @@ class HandDesign(eqx.Module):
         )
 
     def limbs(self) -> tuple[Segment, ...]:
-        """Forward kinematics: the palm (left to right), finger 1's limbs, finger 2's limbs."""
+        """Forward kinematics: the middle lines of the palm (left to right), finger 1's limbs and
+        finger 2's limbs."""
         half = self.palm_length / 2
         palm = Segment(Vec(-half, 0.0 * half), Vec(1.0 + 0.0 * half, 0.0 * half), self.palm_length)
         return (palm, *self.finger(0), *self.finger(1))
@@ -150,32 +163,53 @@ class HandDesign(eqx.Module):
         return channel_between(self.finger(0)[-1], self.finger(1)[-1])
 
     def gap(self) -> Scalar:
-        """The narrowest passage out of the hand: the least distance between the two fingers.
+        """The narrowest passage out of the hand: the least distance between the two fingers, from
+        surface to surface; 0 where they overlap.
 
         An object that is wider is in a full cage.
         """
-        a, b = self.narrowest_passage()
-        return unit_and_length(b - a)[1]
+        a, b = self._closest()
+        return jnp.maximum(unit_and_length(b - a)[1] - self.thickness, 0.0)
 
     def narrowest_passage(self) -> tuple[Vec, Vec]:
-        """The points of finger 1 and finger 2 that are closest to each other."""
+        """The points of finger 1's and finger 2's surfaces that are closest to each other."""
+        a, b = self._closest()
+        inset = unit_and_length(b - a)[0] * (0.5 * self.thickness)
+        return a + inset, b - inset
+
+    def _closest(self) -> tuple[Vec, Vec]:
+        """The points of the fingers' middle lines that are closest to each other."""
         pairs = [(a, b) for a in self.finger(0) for b in self.finger(1)]
         return closest_pair(closest_points(*stacked(pairs)))
 
     def crossings(self) -> dict[tuple[str, str], Flag]:
-        """For each pair of limbs that do not share a joint, whether they cross."""
-        names, chains = self.limb_names(), self.limbs()
-        n1 = len(self.lengths[0])
-        joined = {(0, 1), (0, n1 + 1)}
-        joined |= set(pairwise(range(1, n1 + 1))) | set(pairwise(range(n1 + 1, len(chains))))
+        """For each pair of limbs that do not share a joint, whether they cross: their middle lines
+        do, or their surfaces overlap.
+
+        Surfaces of limbs between which the hand is shorter than twice its thickness may overlap,
+        as those at a joint do.
+        """
+        names, limbs, n1 = self.limb_names(), self.limbs(), len(self.lengths[0])
+        # From fingertip to fingertip along the hand.
+        order = [*range(n1, 0, -1), 0, *range(n1 + 1, len(limbs))]
+        places = sorted(range(len(limbs)), key=order.__getitem__)
         apart = [
             (i, j)
-            for i in range(len(chains))
-            for j in range(i + 1, len(chains))
-            if (i, j) not in joined
+            for i in range(len(limbs))
+            for j in range(i + 1, len(limbs))
+            if abs(places[i] - places[j]) > 1
         ]
-        first, second = stacked([(chains[i], chains[j]) for i, j in apart])
-        crossed = jnp.asarray(segments_cross(first, second))
+
+        def way_between(i: int, j: int) -> Scalar:
+            low, high = sorted((places[i], places[j]))
+            return sum(limbs[k].length for k in order[low + 1 : high])
+
+        first, second = stacked([(limbs[i], limbs[j]) for i, j in apart])
+        between = stacked([way_between(i, j) for i, j in apart])
+        a, b = closest_points(first, second)
+        near = unit_and_length(b - a)[1] < self.thickness - 1e-9 * (first.length + second.length)
+        overlap = near & (between > 2.0 * self.thickness)
+        crossed = jnp.asarray(segments_cross(first, second) | overlap)
         return {(names[i], names[j]): crossed[k] for k, (i, j) in enumerate(apart)}
 
     def limb_names(self) -> tuple[str, ...]:
@@ -231,7 +265,7 @@ class HandDesign(eqx.Module):
             turn = 2.0 * (heading - side * slope)
             turn = turn - 2.0 * math.pi * numbers.round(turn / (2.0 * math.pi))
             rows.append((*angles[:-1], -angles[-1] - turn))
-        return HandDesign(self.palm_length, self.lengths, (rows[0], rows[1]))
+        return HandDesign(self.palm_length, self.lengths, (rows[0], rows[1]), self.thickness)
 
     def tip_mirror(self) -> Mirror:
         """The mirror along the line through the fingertips' joints."""
@@ -271,7 +305,7 @@ def channel_between(tip_1: Segment, tip_2: Segment) -> Channel:
 
 
 def points_of(hand: HandDesign) -> Float[np.ndarray, "points 2"]:
-    """A hand as one line, for plain numbers: from finger 1's tip along its joints to the palm's
+    """A hand's middle line, for plain numbers: from finger 1's tip along its joints to the palm's
     left end, and from its right end along finger 2's joints to its tip; in 64 bits."""
     with jax.enable_x64(True):
         left, right = jax.device_get((hand.finger(0), hand.finger(1)))

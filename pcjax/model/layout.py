@@ -25,7 +25,7 @@ from pcjax.model.hand import Goal, HandDesign
 
 
 def first_centre(hand: HandDesign, radius: Scalar, start_spread: Scalar, draws: Array) -> Vec:
-    """`Scenario.start`, of the numbers that it depends on."""
+    """`Scenario.start`, of the numbers that it depends on; `radius` is the contact radius."""
     left = draws[0] < 0.5
     spread = start_spread * hand.palm_length
     side = jnp.where(left, -1.0, 1.0)
@@ -67,7 +67,7 @@ class Fit(eqx.Module):
 
 
 def fit_of(hand: HandDesign, radius: Scalar, start_spread: Scalar) -> Fit:
-    """How an object of that radius fits; the numbers may be traced."""
+    """How an object of that contact radius fits; the numbers may be traced."""
     corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
     draws = jnp.array([[[end, *corner] for end in (0.0, 0.9)] for corner in corners])
     boxes = jax.vmap(jax.vmap(lambda one: first_centre(hand, radius, start_spread, one)))(draws)
@@ -143,6 +143,6 @@ def geometry_of_hand(hand: HandDesign, radius: Scalar, start_spread: Scalar) -> 
         return jax.device_get(_geometry(*jax.tree.map(float, (hand, radius, start_spread))))
 
 
-def same_gap(gap: Any, other: Any) -> Any:
-    """Whether two gaps are the same number, but for rounding."""
-    return abs(gap - other) <= 1e-9 * (gap + other)
+def same_gap(gap: Any, other: Any, thickness: Any) -> Any:
+    """Whether two gaps of a hand of some thickness are the same number, but for rounding."""
+    return abs(gap - other) <= 1e-9 * (gap + other + thickness)

@@ -20,6 +20,18 @@ def _length(help: str, default: Any = None, **more: Any) -> Any:
     return quantity("length", help, default=default, low=0, above=True, **more)
 
 
+def thickness_field() -> Any:
+    """The thickness of a hand's limbs."""
+    return quantity(
+        "length",
+        "thickness of palm and limbs, half of it on either side of their middle lines",
+        default=0.0,
+        low=0,
+        key="thickness",
+        flag="thickness",
+    )
+
+
 class Preset(Component):
     """A hand by a few numbers."""
 
@@ -56,6 +68,7 @@ class BoxHand(Preset):
     side_length: Scalar | None = _length(
         "L_11 = L_21", key="side_length", flag="side-length", usual="L_p"
     )
+    thickness: Scalar = thickness_field()
 
     def design(self) -> HandDesign:
         """Side, lid and fingertip on either side of the palm."""
@@ -67,7 +80,7 @@ class BoxHand(Preset):
         check_positive("lid length (palm_length - gap_width) / 2", lid)
         lengths, right = (side, lid, tip), math.pi / 2
         angles = (right, right, right - self.fingertip_angle)  # (21)
-        return HandDesign(palm, (lengths, lengths), (angles, angles))
+        return HandDesign(palm, (lengths, lengths), (angles, angles), self.thickness)
 
 
 @register_hand("two-joint")
@@ -92,11 +105,12 @@ class TwoJointHand(Preset):
         key="link_lengths",
         flag="link-lengths",
     )
+    thickness: Scalar = thickness_field()
 
     def design(self) -> HandDesign:
         """Two limbs on either side of the palm, both fingers alike."""
         lengths, angles = tuple(self.link_lengths), tuple(self.joint_angles)
-        return HandDesign(self.palm_length, (lengths, lengths), (angles, angles))
+        return HandDesign(self.palm_length, (lengths, lengths), (angles, angles), self.thickness)
 
 
 def box_hand(
@@ -106,6 +120,7 @@ def box_hand(
     gap_width: Scalar | None = None,
     fingertip_length: Scalar | None = None,
     side_length: Scalar | None = None,
+    thickness: Scalar = 0.0,
 ) -> HandDesign:
     """The box-shaped hand of Sec. 3.3: side, lid and fingertip on either side of the palm.
 
@@ -116,9 +131,11 @@ def box_hand(
         gap_width: W_g (20), between the fingertips' joints; 0.4 L_p unless given.
         fingertip_length: L_g (19); 0.2 L_p unless given.
         side_length: L_11 = L_21; L_p unless given.
+        thickness: of palm and limbs, half of it on either side of their middle lines.
 
     Raises:
-        ValueError: a length that is not positive, or a gap as wide as the palm or wider.
+        ValueError: a length that is not positive, a thickness below 0, or a gap as wide as the palm
+            or wider.
 
     Examples:
         >>> import math, pcjax
@@ -133,6 +150,7 @@ def box_hand(
         fingertip_length=fingertip_length,
         gap_width=gap_width,
         side_length=side_length,
+        thickness=thickness,
     ).design()
 
 
@@ -142,6 +160,7 @@ def two_joint_hand(
     *,
     palm_length: Scalar = 200.0,
     lengths: tuple[Scalar, Scalar] = (200.0, 100.0),
+    thickness: Scalar = 0.0,
 ) -> HandDesign:
     """The hand of Sec. 3.6: two limbs on either side of the palm, both fingers alike.
 
@@ -150,9 +169,11 @@ def two_joint_hand(
         theta_2: theta_12 = theta_22, between first limbs and fingertips, radians.
         palm_length: L_p.
         lengths: L_i1 and L_i2.
+        thickness: of palm and limbs, half of it on either side of their middle lines.
 
     Raises:
-        ValueError: a length that is not positive, or an angle that is not finite.
+        ValueError: a length that is not positive, a thickness below 0, or an angle that is not
+            finite.
 
     Examples:
         >>> import math, pcjax
@@ -161,4 +182,4 @@ def two_joint_hand(
         [200.0, 200.0]
     """
     check_radians({"theta_1": theta_1, "theta_2": theta_2})
-    return TwoJointHand(palm_length, (theta_1, theta_2), lengths).design()
+    return TwoJointHand(palm_length, (theta_1, theta_2), lengths, thickness).design()

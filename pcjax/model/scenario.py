@@ -11,7 +11,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from pcjax.checks import check_between, check_kind
-from pcjax.geometry import Scalar, Segment, Vec
+from pcjax.geometry import Scalar, Scalars, Segment, Vec
 from pcjax.model.bodies.base import Body, Shape
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.base import Drive
@@ -23,17 +23,23 @@ from pcjax.model.layout import corner_centre, first_centre, geometry_of_hand, sa
 class World(eqx.Module):
     """What a step needs of a scenario, worked out once: limbs and goal in place of the design.
 
-    Of the limbs after the palm the first `finger_1` are finger 1's. The `shape` is that of a convex
-    body.
+    Of the limbs after the palm the first `finger_1` are finger 1's. They are middle lines, and
+    their surfaces are `half_thickness` off. The `shape` is that of a convex body.
     """
 
     limbs: tuple[Segment, ...]
+    half_thickness: Scalars
     goal: Goal
     body: Body
     drive: Drive
     law: ContactLaw
     finger_1: int = eqx.field(static=True)
     shape: Shape | None = None
+
+    @property
+    def contact_radius(self) -> Scalar:
+        """How far from a limb's middle line the centre of a circle is that touches it."""
+        return self.body.radius + self.half_thickness
 
     def nearness(self) -> Scalar:
         """A distance that rounding may hide: within it the object touches a limb or a line."""
@@ -73,6 +79,12 @@ class Scenario(eqx.Module):
 
     draws_for_start = 3
 
+    @property
+    def contact_radius(self) -> Scalar:
+        """How far from a limb's middle line the centre of a circle of the object's radius is that
+        touches it."""
+        return self.body.radius + 0.5 * self.hand.thickness
+
     def __init__(
         self,
         hand: HandDesign,
@@ -95,6 +107,7 @@ class Scenario(eqx.Module):
         """Forward kinematics and goal line, for `pcjax.physics.step.advance`."""
         return World(
             self.hand.limbs(),
+            0.5 * self.hand.thickness,
             self.hand.goal(),
             self.body,
             self.drive,
@@ -111,11 +124,11 @@ class Scenario(eqx.Module):
         along the palm and the same along the hand's axis. Where the first limb leans in, the circle
         is shifted along the palm so as to stay as far from it.
         """
-        return first_centre(self.hand, self.body.radius, self.start_spread, draws)
+        return first_centre(self.hand, self.contact_radius, self.start_spread, draws)
 
     def corner_start(self) -> Vec:
         """The start closest to the corner at the palm's right end."""
-        return corner_centre(self.hand, self.body.radius, self.start_spread)
+        return corner_centre(self.hand, self.contact_radius, self.start_spread)
 
 
 def check_kinds(hand: Any, body: Any, drive: Any, law: Any) -> None:
@@ -194,7 +207,7 @@ def why_no_eoen(hand: HandDesign) -> str:
     for (a, b), crossed in outside.crossings.items():
         if crossed:
             return f"seen from outside {b} crosses {a}"
-    if not same_gap(gap, mirrored):
+    if not same_gap(gap, mirrored, hand.thickness):
         return (
             f"a fingertip is {min(gap, mirrored):.4g} from another limb than the other fingertip, "
             f"so that the gap is {gap:.4g} for escaping and would be {mirrored:.4g} for entering"

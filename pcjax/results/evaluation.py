@@ -58,7 +58,8 @@ class Evaluation:
         cls, scenarios: Mapping[str, Scenario], outcomes: Outcomes, run: Mapping[str, Any]
     ) -> Evaluation:
         """The evaluation of one hand from the outcomes in each direction."""
-        body = next(iter(scenarios.values())).body
+        some = next(iter(scenarios.values()))
+        body = some.body
         places, rounding = places_of(list(scenarios.values()))
         watched = [None] * len(WATCHED)
         if outcomes.watch is not None:
@@ -78,6 +79,7 @@ class Evaluation:
                 "max_steps": outcomes.max_steps,
                 "radius": float(body.radius),
                 "object_width": float(body.width),
+                "thickness": float(some.hand.thickness),
             }
             # What one has to know of what turns: its angle at the start and its skin.
             | {

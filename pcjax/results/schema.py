@@ -167,7 +167,7 @@ steps."""
 
 _END, _POINT = (EACH, "end"), (EACH, "coordinate")
 _PICTURE = {
-    "limbs": Variable((EACH, "limb", "end"), "real", "length", "the limbs' two ends"),
+    "limbs": Variable((EACH, "limb", "end"), "real", "length", "the limbs' middle lines' two ends"),
     "goal": Variable(_END, "real", "length", "the goal line's two ends"),
     "passage": Variable(_END, "real", "length", "narrowest passage between the fingers"),
     "start": Variable(_POINT, "real", "length", "the start closest to the right corner"),
@@ -190,6 +190,7 @@ KINDS: dict[KindName, Kind] = {
         {
             "radius": Attribute("real", 0),
             "object_width": Attribute("real", 0),
+            "thickness": Attribute("real", 0),
             "dt": Attribute("real", 0, nan=True),
             "wall_seconds": Attribute("real"),
         },

@@ -14,9 +14,14 @@ from pcjax.results.schema import INDICES, STATISTICS, KindName, dataset_of
 
 _NOT_KEPT = "not kept"
 
+_THIN = {"thickness": 0.0}
+"""Of hands from before limbs had a thickness."""
+
 
 def upgraded(data: xr.Dataset) -> xr.Dataset:
     """A dataset of any version in the form of this one; what is no result stays as it is."""
+    if data.attrs.get("kind") == "evaluation":
+        return data.assign_attrs(_THIN | data.attrs)
     kind = None if "kind" in data.attrs else _kind_of(data)
     if kind is None:
         return data
@@ -42,6 +47,7 @@ def _evaluation(data: xr.Dataset) -> xr.Dataset:
     radius, angle = (float(attrs.get(name, math.nan)) for name in ("radius", "orientation"))
     attrs.setdefault("object_width", attrs.pop("width", 2 * radius))
     attrs.setdefault("trials", data.sizes["trial"])
+    attrs |= _THIN
     data = _with_attrs(data, attrs)
     if "outline" in data:
         return data

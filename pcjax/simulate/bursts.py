@@ -20,7 +20,7 @@ from pcjax.simulate.lanes import Lanes, lane_axes
 from pcjax.simulate.relaxation import Excursion, Layer
 
 DRIFT = 4e-4
-"""How far, in radii, taking gravity as constant for a while may lead the object astray."""
+"""How far, in contact radii, taking gravity as constant for a while may lead the object astray."""
 
 
 class LeapingEngine(LaneEngine):
@@ -73,11 +73,10 @@ class Bursts(eqx.Module):
 
     def run(self, worlds: World, profiles: Any, lanes: Lanes) -> Lanes:
         """Takes each trial `burst` leaps further, at most to the end of its period."""
-        drives, bodies = worlds.drive, worlds.body
         intervals = jax.vmap(
-            lambda drive, body: drive.steady_interval(DRIFT * body.radius),
-            in_axes=(lane_axes(drives), lane_axes(bodies)),
-        )(drives, bodies)
+            lambda world: world.drive.steady_interval(DRIFT * world.contact_radius),
+            in_axes=(lane_axes(worlds),),
+        )(worlds)
 
         state = lanes.state
         layers = Layer.all_of(worlds, self.goal_layer)

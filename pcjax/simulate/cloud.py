@@ -41,13 +41,13 @@ class Cloud(eqx.Module):
             place = where(nearer, _carried(Vec(x, y), old, new), place)
             least = jnp.minimum(least, distance)
         # Beyond reach of all limbs it stays where it is.
-        reach = 2.0 * scenario.body.radius
-        share = jnp.clip((reach - least) / scenario.body.radius, 0.0, 1.0)
+        radius = scenario.contact_radius
+        share = jnp.clip((2.0 * radius - least) / radius, 0.0, 1.0)
         place = Vec(x, y) + (place - Vec(x, y)) * share
         for _ in range(4):
             for limb in scenario.hand.limbs():
                 normal, distance = unit_and_length(limb.offset(place))
-                place = place + normal * jnp.maximum(scenario.body.radius - distance, 0.0)
+                place = place + normal * jnp.maximum(radius - distance, 0.0)
         return replace(at_rest(place), velocity=Vec(vx, vy))
 
 

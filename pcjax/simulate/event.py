@@ -16,7 +16,7 @@ from pcjax.simulate.engine import register_engine
 from pcjax.simulate.leaping import Flight, leap
 
 _LEAST_CLEARANCE = 1e-4
-"""Difference between gap and object, in diameters, that there has to be."""
+"""Difference between gap and object, in contact diameters, that there has to be."""
 
 
 class CircleBursts(Bursts):
@@ -56,9 +56,8 @@ class EventDriven(LeapingEngine):
             return "it knows hard contact only, and this one is smoothed"
         if scenario.law.friction is not None or scenario.law.drag is not None:
             return "it knows motion without friction and drag"
-        diameter = 2 * float(scenario.body.radius)
-        clearance = gap_of(scenario) - diameter
-        if abs(clearance) < _LEAST_CLEARANCE * diameter:
+        clearance = gap_of(scenario) - 2 * float(scenario.body.radius)
+        if abs(clearance) < _LEAST_CLEARANCE * 2 * float(scenario.contact_radius):
             return (
                 f"the gap differs from the object's diameter by {clearance:.2g}, too little for a "
                 "contact on either side"

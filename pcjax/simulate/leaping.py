@@ -104,7 +104,7 @@ def leap(world: World, profile: Any, interval: Scalar, flight: Flight) -> Flight
         interval: seconds for which gravity is taken as constant, from `Drive.steady_interval`.
         flight: the state before. It stays as it is if its trial or its period is over.
     """
-    radius, drive = world.body.radius, world.drive
+    radius, drive = world.contact_radius, world.drive
     barrier = runtime_barrier(flight.leaps, radius)
     leg = drive.leg(profile, flight.time, interval)
     pull, change = leg.pull, leg.until
@@ -137,7 +137,7 @@ def settle(
     world: World, contacts: tuple[Contact, Contact], flight: Flight, pull: Vec, barrier: Scalar
 ) -> Support:
     """Impacts (7) with the two nearest limbs, where they touch, and the forces they exert then."""
-    law, radius, near = world.law, world.body.radius, world.nearness()
+    law, radius, near = world.law, world.contact_radius, world.nearness()
     normals, depths = [], []
     for contact in contacts:
         normal, distance = unit_and_length(contact.offset)
@@ -247,7 +247,7 @@ def _wait(world: World, support: Support, longest: Scalar) -> Scalar:
     # A little beyond the line, so that rounding cannot leave the circle on this side of it.
     wait = jnp.minimum(wait, first_root(jnp.abs(line) + world.nearness(), speed, change))
     fast, hard = unit_and_length(velocity)[1], unit_and_length(acceleration)[1]
-    arc = first_root(LONGEST_ARC * world.body.radius, -fast, -hard)
+    arc = first_root(LONGEST_ARC * world.contact_radius, -fast, -hard)
     return jnp.where(support.rolls, jnp.minimum(wait, arc), wait)
 
 
@@ -255,7 +255,7 @@ def _until_limb(world: World, limb: Segment, support: Support) -> Scalar:
     """A time until which the circle cannot touch the limb, and the time it does on a flat side."""
     near, slow = world.nearness(), _noise(support.velocity)
     normal, distance = unit_and_length(limb.offset(support.position))
-    gap = jnp.maximum(distance - world.body.radius, 0.0)
+    gap = jnp.maximum(distance - world.contact_radius, 0.0)
     speed, change = support.velocity.dot(normal), support.acceleration.dot(normal)
     touches = (gap <= near) & (speed > -slow)
     # One that opens falls back to where it was. For one that does neither, and for one that closes
@@ -264,7 +264,7 @@ def _until_limb(world: World, limb: Segment, support: Support) -> Scalar:
     gap = jnp.where(touches & (speed > slow), 0.0, jnp.maximum(gap, floor))
     speed = jnp.where(touches, jnp.maximum(speed, 0.0), speed)
     change = jnp.where(touches & (change > -slow), jnp.maximum(change, 0.0), change)
-    surface = support.position - support.normal * world.body.radius
+    surface = support.position - support.normal * world.contact_radius
     height = support.normal.dot(limb.start - surface)
     height = jnp.maximum(height, height + support.normal.dot(limb.tangent) * limb.length)
     behind = support.touches & ~support.rolls & (height <= near)

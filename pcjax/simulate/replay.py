@@ -23,7 +23,7 @@ from pcjax.physics.step import begin
 from pcjax.simulate.batch import run
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
 from pcjax.simulate.outcomes import LIMIT, paper_steps
-from pcjax.simulate.stepping import Stepping, lag_of, trajectory
+from pcjax.simulate.stepping import Stepping, check_can_step, lag_of, trajectory
 
 PICKS = {
     "escaped": "the first that escaped",
@@ -135,8 +135,9 @@ def record(
         dt: the solver's step, s.
 
     Raises:
-        ValueError: a number out of range.
+        ValueError: a number out of range, or steps cannot run the scenario.
     """
+    check_can_step(scenario)
     check_count("seed", seed, 0, 2**32 - 1)
     check_count("trial", trial, 0, 2**31 - 1)
     check_count("max_steps", max_steps, 1, 2**31 - 1)

@@ -11,11 +11,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Int, Integer
 
 from pcjax.components import quantity
 from pcjax.geometry import Scalar
 from pcjax.model.scenario import Scenario, World
+from pcjax.physics.contact.rod import move_stick
+from pcjax.physics.contact.table import registered_contact
 from pcjax.physics.state import PAPER_DT, PASSED, RUNNING, State
 from pcjax.physics.step import advance, begin, by_leaps
 from pcjax.simulate.batch import LaneEngine
@@ -46,8 +49,12 @@ class FixedSteps(LaneEngine):
     @classmethod
     def obstacle(cls, scenario: Scenario) -> str | None:
         """Why it does not apply to a scenario; None where it does."""
-        if scenario.law.smoothing is not None and by_leaps(scenario.body, scenario.law):
+        leaps = by_leaps(scenario.body, scenario.law)
+        if scenario.law.smoothing is not None and leaps:
             return "smoothed contact is for a circle or a stick without friction and drag"
+        thin = isinstance(scenario.hand.thickness, Tracer) or float(scenario.hand.thickness) == 0
+        if registered_contact(scenario.body) is move_stick and not leaps and not thin:
+            return "it knows the stick in a hand without thickness, and engine 'convex' in any"
         return None
 
     def steps_wanted(self, period: float) -> float:
@@ -124,11 +131,11 @@ def safe_step(scenario: Scenario) -> float:
     hand, drive = scenario.hand, scenario.drive
     reach = float(hand.palm_length) + max(float(sum(ls)) for ls in hand.lengths)
     speed = drive.top_speed(reach)
-    radius = float(scenario.body.radius)
+    radius = float(scenario.contact_radius)
     if _AUTO_TRAVEL * radius < SHORTEST_STEP * speed:
         raise ValueError(
-            f"the radius {radius:g} is too small for a hand of {reach:g} under gravity: the object "
-            f"would need steps below {SHORTEST_STEP:g} s"
+            f"the radius {float(scenario.body.radius):g} is too small for a hand of {reach:g} "
+            f"under gravity: the object would need steps below {SHORTEST_STEP:g} s"
         )
     longest = min(drive.longest_step, scenario.body.longest_step)
     return min(longest, _AUTO_TRAVEL * radius / max(speed, 1e-9))
@@ -212,6 +219,16 @@ def lag_of(world: World, state: State, dt: Scalar) -> Scalar:
     return jnp.where(state.status == PASSED, jnp.clip(lag, 0.0, dt * (1 - 1e-6)), 0.0)
 
 
+def check_can_step(scenario: Scenario) -> None:
+    """
+    Raises:
+        ValueError: steps cannot run the scenario. Traced values are not looked at.
+    """
+    obstacle = Stepping.obstacle(scenario)
+    if obstacle:
+        raise ValueError(f"{Stepping.noun} cannot run this: {obstacle}")
+
+
 def trajectory(
     scenario: Scenario,
     *,
@@ -233,6 +250,9 @@ def trajectory(
     Returns:
         `State` whose leaves have shape (periods * steps per period,).
 
+    Raises:
+        ValueError: steps cannot run the scenario.
+
     Examples:
         >>> import pcjax
         >>> scenario = pcjax.does(pcjax.box_hand(), pcjax.Circle(25.0))
@@ -242,6 +262,7 @@ def trajectory(
         >>> bool((path.position.y > 24.9).all())  # never below the palm
         True
     """
+    check_can_step(scenario)
     drive = scenario.drive
     engine = Stepping(dt)
     key = trial_key(seed, trial)

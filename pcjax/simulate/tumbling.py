@@ -162,7 +162,10 @@ def tumble(
     leg = fence_all(drive.leg(profile, flight.time, interval), barrier)
     change = leg.until if until is None else jnp.minimum(leg.until, until)
     ground, flight = flight, _seen_from_hand(flight, leg, barrier)
-    per_gyration, skin = fence_all((shape.per_gyration, shape.skin), barrier)
+    per_gyration, skin, half = fence_all(
+        (shape.per_gyration, shape.skin, world.half_thickness), barrier
+    )
+    rounding = skin + half
     turning = jnp.abs(flight.spin) * shape.radius
     fast = jnp.abs(flight.velocity.x) + jnp.abs(flight.velocity.y) + turning + 1.0
     noise = fence(32 * float(jnp.finfo(jnp.result_type(fast)).eps) * fast, barrier)
@@ -170,15 +173,15 @@ def tumble(
 
     cosine, sine = fence_all((jnp.cos(flight.angle), jnp.sin(flight.angle)), barrier)
     outline = Outline.of(shape.vertices, cosine, sine, barrier)
-    found = nearest_contacts(CONTACTS, world.limbs, outline, flight.position, skin, 0.0, barrier)
+    found = nearest_contacts(CONTACTS, world.limbs, outline, flight.position, skin, half, barrier)
     left = fence(change - flight.time, barrier)
     path, loaded, closing, steady = _settled(
         law, found, flight, leg, left, per_gyration, margins, barrier
     )
     longest = _while_kept(
-        jnp.minimum(left, steady), found, loaded, outline, skin, path, margins, barrier
+        jnp.minimum(left, steady), found, loaded, outline, skin, half, path, margins, barrier
     )
-    wait, apart = _while_apart(longest, world, outline, skin, path, margins, barrier)
+    wait, apart = _while_apart(longest, world, outline, rounding, path, margins, barrier)
     goal = world.goal
     line = goal.beyond(path.position)
     towards = jnp.where(line < 0, -1.0, 1.0)
@@ -197,7 +200,7 @@ def tumble(
     passed = inside & (goal.beyond(position) >= 0) & goal.between(position)
     # Written so that NaN fails it too.
     finite = (position.dot(position) < jnp.inf) & (jnp.abs(spin) < jnp.inf)
-    sound = (apart > -0.5 * skin) & finite
+    sound = (apart > -0.5 * rounding) & finite
     verdict = jnp.where(sound, jnp.where(passed, PASSED, RUNNING), INVALID)
     moves = (flight.status == RUNNING) & (flight.time < drive.period)
     time = jnp.where(wait < left, flight.time + wait, change)
@@ -542,6 +545,7 @@ def _while_kept(
     loaded: Sequence[Flag],
     outline: Outline,
     skin: Scalar,
+    half: Scalar,
     path: Path,
     margins: Margins,
     barrier: Scalar,
@@ -582,7 +586,8 @@ def _while_kept(
             first_root(jnp.maximum(contact.length - contact.along, 0.0) + near, -speed, -rate),
         )
         on_end = contact.kind == ON_END
-        arc = jnp.where(on_end, jnp.maximum(0.05 * skin, jnp.sqrt(2.0 * skin * near)), 0.05 * size)
+        core = skin + half
+        arc = jnp.where(on_end, jnp.maximum(0.05 * core, jnp.sqrt(2.0 * core * near)), 0.05 * size)
         rolled = first_root(arc, -jnp.abs(velocity.dot(along)), -jnp.abs(change.dot(along)))
         ends = jnp.where(on_end, rolled, ends)
         ends = jnp.where(contact.kind == ON_EDGE, jnp.minimum(ends, rolled), ends)
@@ -601,7 +606,7 @@ def _while_apart(
     longest: Scalar,
     world: World,
     outline: Outline,
-    skin: Scalar,
+    rounding: Scalar,
     path: Path,
     margins: Margins,
     barrier: Scalar,
@@ -630,7 +635,10 @@ def _while_apart(
         gap = jnp.maximum(gap, 0.0)
         touches = (gap <= near) & (speed > -noise)
         opens = speed > noise
-        gap = jnp.where(touches, jnp.where(opens, 0.0, jnp.maximum(gap, near / 64)), gap)
+        # One that closes and is no contact of its own, such as a joint about to be reached: a floor
+        # keeps the leap from ending where it starts.
+        floor = jnp.where(touches, near / 64, near / 4)
+        gap = jnp.where(touches & opens, 0.0, jnp.maximum(gap, floor))
         speed = jnp.where(touches, jnp.maximum(speed, 0.0), speed)
         time = first_root(gap, speed, jnp.maximum(bound, true - jerk * horizon))
         # One that neither opens nor closes: for as long as it opens for certain, and as the third
@@ -656,7 +664,8 @@ def _while_apart(
         normal = fence_all(unit_and_length(offset)[0], barrier)
         base = normal.dot(limb.start) + jnp.maximum(0.0, normal.dot(limb.tangent) * limb.length)
         height, falls, drop = fence_all(
-            (normal.dot(position) - base - skin, normal.dot(velocity), normal.dot(pulled)), barrier
+            (normal.dot(position) - base - rounding, normal.dot(velocity), normal.dot(pulled)),
+            barrier,
         )
         reached, apart = NEVER, NEVER
         for arm, length in zip(outline.arms, outline.lengths, strict=True):
@@ -673,7 +682,7 @@ def _while_apart(
         if len(outline.arms) > 1:
             best, low = None, None
             for arm, edge in zip(outline.arms, outline.along, strict=True):
-                ends = [(point - position - arm).cross(edge) - skin for point in (start, end)]
+                ends = [(point - position - arm).cross(edge) - rounding for point in (start, end)]
                 lower = jnp.minimum(*ends)
                 candidate = (*ends, edge)
                 if best is None or low is None:
@@ -710,7 +719,7 @@ def _while_apart(
 
         # Against the circle about it.
         away, distance = unit_and_length(limb.offset(position))
-        room = distance - reach - skin
+        room = distance - reach - rounding
         alone = first_root(jnp.maximum(room, 0.0), away.dot(velocity), away.dot(pulled))
         reached = jnp.maximum(reached, jnp.where(room > near, alone, 0.0))
         least_time, least_apart = so_far

@@ -71,10 +71,12 @@ class Inspection:
         body = study.body
         pull = getattr(study.drive, "gravity", None)
         gravity = "" if pull is None else f", gravity {float(pull):g} of them / s^2"
+        thickness = float(study.hand.thickness)
+        thick = f"{thickness:.4g} thick, " if thickness else ""
         lines = [
             f"units    {study.units if study.units in PER_METRE else 'model units'}{gravity}",
             f"hand     {limbs} limbs a finger, palm {float(study.hand.palm_length):.4g}, "
-            f"{self.size[0]:.4g} wide and {self.size[1]:.4g} high",
+            f"{thick}{self.size[0]:.4g} wide and {self.size[1]:.4g} high",
             f"object   {body.noun} {float(body.radius):.4g}; a gap of {self.width:.4g} lets it "
             "through",
         ]
@@ -111,6 +113,7 @@ class Inspection:
             "units": self.study.units,
             "gap": {d: view.gap for d, view in self.views.items()},
             "object_width": self.width,
+            "thickness": float(self.study.hand.thickness),
             "size": list(self.size),
             "fall_seconds": self.fall,
             "views": {d: asdict(view) for d, view in self.views.items()},
@@ -133,7 +136,7 @@ def inspect(study: Study) -> Inspection:
     """
     views = {direction: _view(study, direction) for direction in DIRECTIONS}
     points = points_of(study.hand)
-    across, up = np.ptp(points, axis=0)
+    across, up = np.ptp(points, axis=0) + float(study.hand.thickness)
     reach = float(study.hand.palm_length) + max(float(sum(ls)) for ls in study.hand.lengths)
     speed = study.drive.top_speed(reach)
     fall = 2 * reach / speed if speed > 0 else float("inf")

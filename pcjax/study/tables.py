@@ -88,7 +88,7 @@ class Reader:
             preset = drive.usual_hand
         if preset is not None:
             return self.sound("hand", self.component("hand", HANDS, "preset", preset, {}).design)
-        self.table("hand", ("palm_length", "lengths", "angles_deg"))
+        table = self.table("hand", ("palm_length", "lengths", "angles_deg", "thickness"))
         lengths, degrees = self.rows("lengths"), self.rows("angles_deg")
         angles = [tuple(math.radians(x) for x in row) for row in degrees]
         for finger in (0, 1):
@@ -98,8 +98,9 @@ class Reader:
                     f"{len(angles[finger])} angles: as many of either"
                 )
         palm = self.number("hand", "palm_length")
+        thickness = self.number("hand", "thickness") if "thickness" in table else 0.0
         fingers = (tuple(lengths[0]), tuple(lengths[1])), (angles[0], angles[1])
-        return self.sound("hand", lambda: HandDesign(palm, *fingers))
+        return self.sound("hand", lambda: HandDesign(palm, *fingers, thickness))
 
     def component(
         self, where: str, registry: Registry[C], key: str, kind: str, usual: Mapping[str, Any]

@@ -22,6 +22,7 @@ _USUAL_OF_HANDS = (
     "gap_width",
     "joint_angle_1_deg",
     "link_length_1",
+    "thickness",
 )
 
 
@@ -55,7 +56,7 @@ def change(
     """
     parts: dict[str, Any] = dict(components)
     if name == "palm_length":
-        return HandDesign(value, hand.lengths, hand.angles), parts
+        return replace(hand, palm_length=value), parts
     known = names(components)
     if name in known:
         table, what = known[name]

@@ -10,12 +10,13 @@ from pcjax.model.hand import HandDesign
 
 
 def hand_table(hand: HandDesign) -> dict[str, Any]:
-    """A hand as its table: any two chains."""
+    """A hand as its table: any two chains; limbs without thickness are not said to have none."""
+    thickness = float(hand.thickness)
     return {
         "palm_length": float(hand.palm_length),
         "lengths": [[float(x) for x in row] for row in hand.lengths],
         "angles_deg": [[round(math.degrees(float(x)), 9) for x in row] for row in hand.angles],
-    }
+    } | ({"thickness": thickness} if thickness else {})
 
 
 def text_of(tables: Mapping[str, Mapping[str, Any]]) -> str:

@@ -203,12 +203,13 @@ class _Film:
         frames = self._frames
         hands = [frames.in_world(self._recording.hand, k) for k in range(len(frames.times))]
         centres = [frames.in_world(frames.position[k : k + 1], k) for k in range(len(hands))]
-        reach = float(self._recording.scenario.body.radius)
+        scenario = self._recording.scenario
+        reach, half = float(scenario.body.radius), 0.5 * float(scenario.hand.thickness)
         around = np.concatenate(centres)
         points = np.concatenate(
             [*hands, around - reach, around + reach, frames.joints.reshape(-1, 2)]
         )
-        margin = 0.05 * np.ptp(points, axis=0).max()
+        margin = half + 0.05 * np.ptp(points, axis=0).max()
         return points.min(axis=0) - margin, points.max(axis=0) + margin
 
     def draw(self, k: int) -> tuple[()]:

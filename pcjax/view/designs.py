@@ -25,7 +25,7 @@ from pcjax.results.schema import NAMES, length_unit_of, place_of
 from pcjax.study.inspect import Inspection
 from pcjax.units import in_brackets, with_unit
 from pcjax.view.picture import Picture
-from pcjax.view.shapes import COLOURS, draw_object, name_axes
+from pcjax.view.shapes import COLOURS, draw_limbs, draw_object, name_axes
 
 _Z95 = 1.96
 _MAP = 11
@@ -55,7 +55,7 @@ def plot_inspection(found: Inspection) -> Figure:
     study = found.study
     for axis, direction in zip(axes, views or ["does"], strict=True):
         hand = study.hand if direction == "does" else study.hand.with_fingertips_mirrored()
-        axis.plot(*points_of(hand).T, color="black", lw=2, solid_joinstyle="round")
+        draw_limbs(axis, points_of(hand), float(hand.thickness))
         with jax.enable_x64(True):
             goal = jax.device_get(hand.goal())
         axis.plot([goal.a.x, goal.b.x], [goal.a.y, goal.b.y], color=COLOURS[2], ls="--", lw=1.5)
@@ -82,12 +82,12 @@ def draw_hands(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrog
         (found.start_hand, found.start_score, "0.6", start),
         (space.hand(found.best), found.best_score, COLOURS[0], "best"),
     ):
-        axis.plot(
-            *points_of(hand).T,
-            color=colour,
-            lw=2.2,
-            solid_capstyle="round",
-            solid_joinstyle="round",
+        draw_limbs(
+            axis,
+            points_of(hand),
+            float(hand.thickness),
+            colour=colour,
+            width=2.2,
             label=f"{name}: {score.value:,.4g}",
         )
     scenario = surrogate.task.scenarios(space.hand(found.best))[0]

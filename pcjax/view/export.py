@@ -13,7 +13,6 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from pcjax.checks import check_positive
 from pcjax.model.bodies.base import Body, placed_outline
 from pcjax.model.hand import HandDesign, points_of
 from pcjax.model.scenario import does
@@ -59,45 +58,39 @@ def export_hand(
     hand: HandDesign,
     path: str | os.PathLike[str],
     *,
-    thickness: float | None = None,
     body: Body | None = None,
     units: str = "model",
 ) -> Path:
     """Draws a hand to scale, y up.
 
-    Layers (groups of an SVG file): LIMBS, one line from fingertip to fingertip; JOINTS, circles
-    where limbs meet; GOAL, the goal line; and if asked for OUTLINES, each limb and the palm as a
-    slot with round ends about its joints, and OBJECT, the object at a start.
+    Layers (groups of an SVG file): LIMBS, the middle line from fingertip to fingertip; JOINTS,
+    circles where limbs meet; GOAL, the goal line; for limbs with a thickness OUTLINES, the
+    surfaces of each and of the palm, a slot with round ends about its joints; and if asked for
+    OBJECT, the object at a start.
 
     Arguments:
         hand: with plain numbers.
         path: the file, .svg or .dxf (needs ezdxf).
-        thickness: of the limbs' outlines, a length; unless given, there are none.
         body: the object; unless given, there is none.
         units: of lengths, "mm", "cm" or "m"; a "model" unit is drawn as a millimetre. A DXF file's
             numbers are in that unit, and its header says so; an SVG file's size is in millimetres.
 
-    In the model limbs have no thickness: what the object meets is the line in the outlines' middle.
-
     Raises:
-        ValueError: an ending that is neither, no ezdxf, a thickness that is not above 0, or no such
-            unit.
+        ValueError: an ending that is neither, no ezdxf, or no such unit.
 
     Example:
         >>> import pcjax
-        >>> pcjax.export_hand(pcjax.box_hand(), "hand.svg", thickness=12).name
+        >>> pcjax.export_hand(pcjax.box_hand(thickness=12), "hand.svg").name
         'hand.svg'
     """
     check_drawing(path)
     check_units(units)
-    if thickness is not None:
-        check_positive("thickness", thickness)
     path = Path(path)
     drawing = (_Svg if path.suffix.lower() == ".svg" else _Dxf)("mm" if units == "model" else units)
     line = points_of(hand)
     drawing.line("LIMBS", line)
-    size = 0.01 * float(hand.palm_length)
-    if thickness is not None:
+    size, thickness = 0.01 * float(hand.palm_length), float(hand.thickness)
+    if thickness > 0:
         size = 0.2 * thickness
         for a, b in pairwise(line):
             drawing.slot("OUTLINES", a, b, thickness / 2)

@@ -12,7 +12,7 @@ from pcjax.results.schema import NAMES, length_unit_of
 from pcjax.study.compare import Ranking
 from pcjax.units import with_unit
 from pcjax.view.picture import Picture
-from pcjax.view.shapes import COLOURS, draw_object, name_axes
+from pcjax.view.shapes import COLOURS, draw_limbs, draw_object, name_axes
 
 _Z95 = 1.96
 _DIRECTION_COLOUR = {"does": COLOURS[0], "eoen": COLOURS[1]}
@@ -55,7 +55,7 @@ def draw_hand(axis: Axes, evaluation: Evaluation, direction: str) -> None:
     data = evaluation.dataset.sel(direction=direction)
     units = length_unit_of(data)
     for x0, y0, x1, y1 in data.limbs.values:
-        axis.plot([x0, x1], [y0, y1], color="black", lw=2, solid_capstyle="round")
+        draw_limbs(axis, np.array([[x0, y0], [x1, y1]]), float(data.attrs["thickness"]))
     ax, ay, bx, by = data.goal.values
     axis.plot([ax, bx], [ay, by], color=COLOURS[2], ls="--", lw=1.5, label="goal line")
     draw_object(

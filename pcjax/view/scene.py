@@ -13,7 +13,7 @@ from pcjax.model.scenario import Scenario
 from pcjax.physics.state import PAPER_DT
 from pcjax.simulate.replay import Frames, Recording, record
 from pcjax.view.picture import Picture
-from pcjax.view.shapes import COLOURS, draw_object, name_axes
+from pcjax.view.shapes import COLOURS, draw_limbs, draw_object, name_axes
 
 
 def plot_scenes(
@@ -64,14 +64,8 @@ def draw_scene(axis: Axes, recording: Recording, frames: Frames, k: int) -> None
     if len(joints) > 1:
         axis.plot(*joints.T, color="0.55", lw=4, solid_capstyle="round", zorder=1)
         axis.plot(*joints[:-1].T, "o", color="0.3", ms=6, zorder=2)
-    axis.plot(
-        *frames.in_world(recording.hand, k).T,
-        color="black",
-        lw=2,
-        solid_capstyle="round",
-        solid_joinstyle="round",
-        zorder=3,
-    )
+    thickness = float(recording.scenario.hand.thickness)
+    draw_limbs(axis, frames.in_world(recording.hand, k), thickness, zorder=3)
     axis.plot(*frames.in_world(recording.goal, k).T, color=COLOURS[2], ls="--", lw=1.2, zorder=2)
     centre = frames.in_world(frames.position[k : k + 1], k)[0]
     angle = None if frames.angle is None else frames.angle[k] + frames.turn[k]

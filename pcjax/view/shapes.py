@@ -1,13 +1,15 @@
-"""What all pictures share: their colours, and the object in them."""
+"""What all pictures share: their colours, and the limbs and the object in them."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle as Disc
+from matplotlib.patches import Polygon
 
 from pcjax.units import length_in_words
 
@@ -18,6 +20,45 @@ def name_axes(axis: Axes, units: str) -> None:
     """Labels of a picture that is to scale, with the unit of lengths."""
     unit = length_in_words(units)
     axis.set(xlabel=f"x [{unit}]", ylabel=f"y [{unit}]")
+
+
+def draw_limbs(
+    axis: Axes,
+    points: Float[np.ndarray, "points 2"],
+    thickness: float,
+    *,
+    colour: str = "black",
+    width: float = 2.0,
+    label: str | None = None,
+    zorder: float = 2,
+) -> None:
+    """A hand's limbs, from `points_of`: as thick as they are, to scale, with round ends; without
+    thickness as a line.
+
+    Arguments:
+        axis: where.
+        points: of the middle line.
+        thickness: of the limbs, a length.
+        colour, label, zorder: of what is drawn.
+        width: of a line, in points.
+    """
+    style: dict[str, Any] = {"color": colour, "label": label, "zorder": zorder}
+    if thickness > 0:
+        for a, b in pairwise(points):
+            axis.add_patch(Polygon(_slot(a, b, thickness / 2), lw=0, **style))
+            style["label"] = None
+    else:
+        axis.plot(*points.T, lw=width, solid_capstyle="round", solid_joinstyle="round", **style)
+
+
+def _slot(
+    a: Float[np.ndarray, "2"], b: Float[np.ndarray, "2"], radius: float
+) -> Float[np.ndarray, "points 2"]:
+    """The outline of all that is within a radius of the line from a to b."""
+    heading = np.arctan2(*(b - a)[::-1])
+    arc = heading + np.linspace(-np.pi / 2, np.pi / 2, 25)
+    way = radius * np.stack([np.cos(arc), np.sin(arc)], axis=-1)
+    return np.concatenate([b + way, a - way])
 
 
 def draw_object(

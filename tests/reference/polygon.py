@@ -20,7 +20,7 @@ MOST = 64
 
 
 @njit(cache=False)
-def _contacts(limbs, points, own, rounding, x, y, c, s, margin, out):
+def _contacts(limbs, points, own, rounding, half, x, y, c, s, margin, out):
     """Contacts with a gap below the margin: normal from limb to body, point, gap. Returns how many."""
     n = 0
     k = len(own)
@@ -36,11 +36,11 @@ def _contacts(limbs, points, own, rounding, x, y, c, s, margin, out):
             on = min(max(along, 0.0), length)
             dx, dy = rx - tx * on, ry - ty * on
             d = math.hypot(dx, dy)
-            if d - rounding < margin and d > 0.0 and n < MOST:
+            if d - rounding - half < margin and d > 0.0 and n < MOST:
                 nx, ny = dx / d, dy / d
                 out[n, 0], out[n, 1] = nx, ny
                 out[n, 2], out[n, 3] = qx - nx * rounding, qy - ny * rounding
-                out[n, 4] = d - rounding
+                out[n, 4] = d - rounding - half
                 n += 1
     if k > 1:
         for h in range(len(points)):
@@ -64,10 +64,10 @@ def _contacts(limbs, points, own, rounding, x, y, c, s, margin, out):
             qx = x + c * own[edge, 0] - s * own[edge, 1]
             qy = y + s * own[edge, 0] + c * own[edge, 1]
             along = (points[h, 0] - qx) * wx + (points[h, 1] - qy) * wy
-            if 0.0 < along < length and best - rounding < margin and n < MOST:
+            if 0.0 < along < length and best - rounding - half < margin and n < MOST:
                 out[n, 0], out[n, 1] = -wy, wx
-                out[n, 2], out[n, 3] = points[h, 0], points[h, 1]
-                out[n, 4] = best - rounding
+                out[n, 2], out[n, 3] = points[h, 0] - wy * half, points[h, 1] + wx * half
+                out[n, 4] = best - rounding - half
                 n += 1
     return n
 
@@ -112,6 +112,7 @@ def run(
     goal,
     own,
     rounding,
+    half,
     kappa,
     turns,
     mu,
@@ -129,7 +130,7 @@ def run(
     """Each trial's time of escape (``limit`` if it stays), s, and its deepest overlap.
 
     ``limbs``: rows (x, y, tx, ty, length) in the hand's frame; ``points``: joints and ends once; ``goal``: (ax, ay, bx,
-    by); ``own``: vertices about the centre of mass; ``starts``: rows (x, y, angle); ``targets``: (trials, periods + 1,
+    by); ``half``: of the limbs' thickness; ``own``: vertices about the centre of mass; ``starts``: rows (x, y, angle); ``targets``: (trials, periods + 1,
     2 or 3) joint angles, those at rest first; ``arm``: (mount, L1, L2), or L1 = 0 for a hand that stays put.
     """
     count = len(starts)
@@ -204,7 +205,7 @@ def run(
             clear -= (speed + 0.1) * dt
             if clear <= 0.0:
                 c, s = math.cos(turned), math.sin(turned)
-                near = _contacts(limbs, points, own, rounding, hx, hy, c, s, 2.0, found)
+                near = _contacts(limbs, points, own, rounding, half, hx, hy, c, s, 2.0, found)
                 least = 2.0
                 for a in range(near):
                     least = min(least, found[a, 4])
@@ -286,7 +287,9 @@ def run(
                         hy += my
                         turned += mt * inv
                         c, s = math.cos(turned), math.sin(turned)
-                        near = _contacts(limbs, points, own, rounding, hx, hy, c, s, 2.0, found)
+                        near = _contacts(
+                            limbs, points, own, rounding, half, hx, hy, c, s, 2.0, found
+                        )
                         worst = 0.0
                         for a in range(near):
                             worst = max(worst, -found[a, 4])

@@ -353,7 +353,7 @@ class Capsule(Convex):
     """
 
     length: Scalar = _side("from end to end", "length")
-    thickness: Scalar = _side("from side to side", "thickness")
+    thickness: Scalar = _side("from side to side", "diameter")
     orientation: Scalar = _orientation()
     mass: Scalar = _mass()
 

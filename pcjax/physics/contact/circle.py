@@ -37,13 +37,13 @@ def move_circle(
     moved = meet_limbs(world, free, dt, barrier)
     travel = free.position - state.position
     # Written so that NaN fails it too.
-    safe = travel.dot(travel) < body.radius * body.radius
+    safe = travel.dot(travel) < world.contact_radius * world.contact_radius
     return judge(world, state, moved, safe)
 
 
 def meet_limbs(world: World, free: Motion, dt: Scalar, barrier: Scalar) -> Motion:
     """Impacts with the two nearest limbs, then rest and sliding on them."""
-    radius = world.body.radius
+    radius = world.contact_radius
     contacts = two_nearest(world.limbs, free.position, barrier)
     moved = bounce(world.law, contacts, radius, free, dt, barrier)
     return hold_off(world.law, contacts, radius, moved, moved.position - free.position, dt, barrier)
