@@ -20,22 +20,42 @@ MOST = 64
 
 
 @njit(cache=False)
-def _contacts(limbs, points, own, rounding, x, y, c, s, margin, out):
-    """Contacts with a gap below the margin: normal from limb to body, point, gap. Returns how many."""
+def _contacts(limbs, points, own, edges, reach, rounding, x, y, c, s, margin, out):
+    """Contacts with a gap below the margin: normal from limb to body, point, gap. Returns how many.
+
+    ``edges``: rows (x, y, length), the direction from each vertex to the next; ``reach``: the longest arm.
+    """
     n = 0
     k = len(own)
+    far = (reach + rounding + margin) ** 2
     for j in range(len(limbs)):
         ax, ay, tx, ty, length = limbs[j]
+        centre_along = (x - ax) * tx + (y - ay) * ty
+        centre_across = tx * (y - ay) - ty * (x - ax)
+        over = centre_along - min(max(centre_along, 0.0), length)
+        if over * over + centre_across * centre_across > far:
+            continue
         for i in range(k):
             qx = x + c * own[i, 0] - s * own[i, 1]
             qy = y + s * own[i, 0] + c * own[i, 1]
             rx, ry = qx - ax, qy - ay
-            along = rx * tx + ry * ty
+            along, across = rx * tx + ry * ty, tx * ry - ty * rx
+            if across * centre_across < 0.0:
+                through = along + (centre_along - along) * across / (across - centre_across)
+                if 0.0 <= through <= length and n < MOST:
+                    # The way from the centre to the vertex crosses the limb.
+                    side = 1.0 if centre_across > 0.0 else -1.0
+                    nx, ny = -ty * side, tx * side
+                    out[n, 0], out[n, 1] = nx, ny
+                    out[n, 2], out[n, 3] = qx - nx * rounding, qy - ny * rounding
+                    out[n, 4] = -abs(across) - rounding
+                    n += 1
+                    continue
             if j > 0 and along < 0.0:
                 continue  # the limb before has this joint
             on = min(max(along, 0.0), length)
             dx, dy = rx - tx * on, ry - ty * on
-            d = math.hypot(dx, dy)
+            d = math.sqrt(dx * dx + dy * dy)
             if d - rounding < margin and d > 0.0 and n < MOST:
                 nx, ny = dx / d, dy / d
                 out[n, 0], out[n, 1] = nx, ny
@@ -44,27 +64,22 @@ def _contacts(limbs, points, own, rounding, x, y, c, s, margin, out):
                 n += 1
     if k > 1:
         for h in range(len(points)):
+            if (points[h, 0] - x) ** 2 + (points[h, 1] - y) ** 2 > far:
+                continue
             best, edge = -1e30, -1
             for i in range(k):
-                i2 = (i + 1) % k
-                ux, uy = own[i2, 0] - own[i, 0], own[i2, 1] - own[i, 1]
-                length = math.hypot(ux, uy)
-                ux, uy = ux / length, uy / length
-                wx, wy = c * ux - s * uy, s * ux + c * uy
+                wx, wy = c * edges[i, 0] - s * edges[i, 1], s * edges[i, 0] + c * edges[i, 1]
                 qx = x + c * own[i, 0] - s * own[i, 1]
                 qy = y + s * own[i, 0] + c * own[i, 1]
                 height = (points[h, 0] - qx) * wy - (points[h, 1] - qy) * wx
                 if height > best:
                     best, edge = height, i
-            i2 = (edge + 1) % k
-            ux, uy = own[i2, 0] - own[edge, 0], own[i2, 1] - own[edge, 1]
-            length = math.hypot(ux, uy)
-            ux, uy = ux / length, uy / length
-            wx, wy = c * ux - s * uy, s * ux + c * uy
+            wx = c * edges[edge, 0] - s * edges[edge, 1]
+            wy = s * edges[edge, 0] + c * edges[edge, 1]
             qx = x + c * own[edge, 0] - s * own[edge, 1]
             qy = y + s * own[edge, 0] + c * own[edge, 1]
             along = (points[h, 0] - qx) * wx + (points[h, 1] - qy) * wy
-            if 0.0 < along < length and best - rounding < margin and n < MOST:
+            if 0.0 < along < edges[edge, 2] and best - rounding < margin and n < MOST:
                 out[n, 0], out[n, 1] = -wy, wx
                 out[n, 2], out[n, 3] = points[h, 0], points[h, 1]
                 out[n, 4] = best - rounding
@@ -137,7 +152,15 @@ def run(
     reach = 0.0
     for i in range(len(own)):
         reach = max(reach, math.hypot(own[i, 0], own[i, 1]))
-    reach += rounding
+    ahead = np.empty_like(own)
+    ahead[:-1], ahead[-1] = own[1:], own[0]
+    edges = np.zeros((len(own), 3))
+    for i in range(len(own)):
+        length = math.hypot(ahead[i, 0] - own[i, 0], ahead[i, 1] - own[i, 1])
+        if length > 0.0:
+            edges[i, 0] = (ahead[i, 0] - own[i, 0]) / length
+            edges[i, 1] = (ahead[i, 1] - own[i, 1]) / length
+            edges[i, 2] = length
     found = np.zeros((MOST, 5))
     carried = arm[1] > 0.0
     inv = 1.0 / kappa if turns else 0.0
@@ -151,8 +174,11 @@ def run(
         ox = oy = turn = 0.0
         cos_t, sin_t = 1.0, 0.0
         ovx = ovy = spin = 0.0
-        for n in range(round(limit / dt)):
+        n, steps, same = -1, round(limit / dt), 0
+        while n + 1 < steps:
+            n += 1
             which, at = n // per_period, n % per_period
+            x_before, y_before, angle_before = x, y, angle
             if carried:
                 # The hand at the end of the step; the object flies in the world.
                 if n == 0:
@@ -200,11 +226,11 @@ def run(
                 vy += py * dt
                 angle += w * dt
                 hx, hy, ux, uy, turned, uw = x, y, vx, vy, angle, w
-            speed = math.hypot(ux, uy) + abs(uw) * reach + 2.0 * g * dt
+            speed = math.hypot(ux, uy) + abs(uw) * (reach + rounding) + 2.0 * g * dt
             clear -= (speed + 0.1) * dt
             if clear <= 0.0:
                 c, s = math.cos(turned), math.sin(turned)
-                near = _contacts(limbs, points, own, rounding, hx, hy, c, s, 2.0, found)
+                near = _contacts(limbs, points, own, edges, reach, rounding, hx, hy, c, s, 2.0, found)
                 least = 2.0
                 for a in range(near):
                     least = min(least, found[a, 4])
@@ -286,7 +312,7 @@ def run(
                         hy += my
                         turned += mt * inv
                         c, s = math.cos(turned), math.sin(turned)
-                        near = _contacts(limbs, points, own, rounding, hx, hy, c, s, 2.0, found)
+                        near = _contacts(limbs, points, own, edges, reach, rounding, hx, hy, c, s, 2.0, found)
                         worst = 0.0
                         for a in range(near):
                             worst = max(worst, -found[a, 4])
@@ -308,4 +334,10 @@ def run(
             if not (abs(hx) < 1e5 and abs(hy) < 1e5):
                 times[trial] = np.nan
                 break
+            # What stays where it is under a pull that stays does so to the period's end.
+            moved = abs(x - x_before) + abs(y - y_before) + reach * abs(angle - angle_before)
+            moved += (abs(vx) + abs(vy) + reach * abs(w)) * dt
+            same = same + 1 if moved < 1e-9 else 0
+            if same > 10 and at >= in_ramp and not carried:
+                n, same, clear = min((which + 1) * per_period, steps) - 1, 0, 0.0
     return times, deepest
