@@ -20,10 +20,11 @@ MOST = 64
 
 
 @njit(cache=False)
-def _contacts(limbs, points, own, edges, reach, rounding, x, y, c, s, margin, out):
+def _contacts(limbs, points, own, edges, reach, rounding, x, y, c, s, x0, y0, c0, s0, margin, out):
     """Contacts with a gap below the margin: normal from limb to body, point, gap. Returns how many.
 
-    ``edges``: rows (x, y, length), the direction from each vertex to the next; ``reach``: the longest arm.
+    ``edges``: rows (x, y, length), the direction from each vertex to the next; ``reach``: the longest arm. ``x0``,
+    ``y0``, ``c0``, ``s0``: where the body was when it last overlapped nothing, which tells what has gone through a limb.
     """
     n = 0
     k = len(own)
@@ -40,11 +41,13 @@ def _contacts(limbs, points, own, edges, reach, rounding, x, y, c, s, margin, ou
             qy = y + s * own[i, 0] + c * own[i, 1]
             rx, ry = qx - ax, qy - ay
             along, across = rx * tx + ry * ty, tx * ry - ty * rx
-            if across * centre_across < 0.0:
-                through = along + (centre_along - along) * across / (across - centre_across)
-                if 0.0 <= through <= length and n < MOST:
-                    # The way from the centre to the vertex crosses the limb.
-                    side = 1.0 if centre_across > 0.0 else -1.0
+            qx0 = x0 + c0 * own[i, 0] - s0 * own[i, 1] - ax
+            qy0 = y0 + s0 * own[i, 0] + c0 * own[i, 1] - ay
+            along0, across0 = qx0 * tx + qy0 * ty, tx * qy0 - ty * qx0
+            if across * across0 < 0.0 and n < MOST:
+                through = along + (along0 - along) * across / (across - across0)
+                if 0.0 <= through <= length:
+                    side = 1.0 if across0 > 0.0 else -1.0
                     nx, ny = -ty * side, tx * side
                     out[n, 0], out[n, 1] = nx, ny
                     out[n, 2], out[n, 3] = qx - nx * rounding, qy - ny * rounding
@@ -68,10 +71,25 @@ def _contacts(limbs, points, own, edges, reach, rounding, x, y, c, s, margin, ou
                 continue
             best, edge = -1e30, -1
             for i in range(k):
+                if k == 2:
+                    # A rod has no inside: the side on which the point was, if it came through.
+                    wx0 = c0 * edges[i, 0] - s0 * edges[i, 1]
+                    wy0 = s0 * edges[i, 0] + c0 * edges[i, 1]
+                    px0 = points[h, 0] - x0 - c0 * own[i, 0] + s0 * own[i, 1]
+                    py0 = points[h, 1] - y0 - s0 * own[i, 0] - c0 * own[i, 1]
+                    height0, along0 = px0 * wy0 - py0 * wx0, px0 * wx0 + py0 * wy0
+                else:
+                    height0, along0 = 0.0, 0.0
                 wx, wy = c * edges[i, 0] - s * edges[i, 1], s * edges[i, 0] + c * edges[i, 1]
                 qx = x + c * own[i, 0] - s * own[i, 1]
                 qy = y + s * own[i, 0] + c * own[i, 1]
                 height = (points[h, 0] - qx) * wy - (points[h, 1] - qy) * wx
+                if height0 > 0.0 and height < 0.0:
+                    along = (points[h, 0] - qx) * wx + (points[h, 1] - qy) * wy
+                    through = along + (along0 - along) * height / (height - height0)
+                    if 0.0 <= through <= edges[i, 2]:
+                        best, edge = height, i
+                        break
                 if height > best:
                     best, edge = height, i
             wx = c * edges[edge, 0] - s * edges[edge, 1]
@@ -174,6 +192,7 @@ def run(
         ox = oy = turn = 0.0
         cos_t, sin_t = 1.0, 0.0
         ovx = ovy = spin = 0.0
+        before = (x, y, math.cos(angle), math.sin(angle))
         n, steps, same = -1, round(limit / dt), 0
         while n + 1 < steps:
             n += 1
@@ -230,7 +249,9 @@ def run(
             clear -= (speed + 0.1) * dt
             if clear <= 0.0:
                 c, s = math.cos(turned), math.sin(turned)
-                near = _contacts(limbs, points, own, edges, reach, rounding, hx, hy, c, s, 2.0, found)
+                near = _contacts(
+                    limbs, points, own, edges, reach, rounding, hx, hy, c, s, *before, 2.0, found
+                )
                 least = 2.0
                 for a in range(near):
                     least = min(least, found[a, 4])
@@ -312,7 +333,21 @@ def run(
                         hy += my
                         turned += mt * inv
                         c, s = math.cos(turned), math.sin(turned)
-                        near = _contacts(limbs, points, own, edges, reach, rounding, hx, hy, c, s, 2.0, found)
+                        near = _contacts(
+                            limbs,
+                            points,
+                            own,
+                            edges,
+                            reach,
+                            rounding,
+                            hx,
+                            hy,
+                            c,
+                            s,
+                            *before,
+                            2.0,
+                            found,
+                        )
                         worst = 0.0
                         for a in range(near):
                             worst = max(worst, -found[a, 4])
@@ -325,6 +360,7 @@ def run(
                         vy = sin_t * ux + cos_t * uy + ovy + spin * rx
                     else:
                         x, y, vx, vy, angle, w = hx, hy, ux, uy, turned, uw
+            before = (hx, hy, math.cos(turned), math.sin(turned))
             line = (gx * (hy - goal[1]) - gy * (hx - goal[0])) / goal_length
             where = (gx * (hx - goal[0]) + gy * (hy - goal[1])) / goal_length**2
             if line_before < 0.0 and line >= 0.0 and 0.0 < where < 1.0:
