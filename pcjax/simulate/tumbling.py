@@ -60,6 +60,7 @@ from pcjax.physics.rigid import (
     Rate,
     Rows,
     at_rest_under,
+    catches,
     forces_with_friction,
     impact,
     least_pushes,
@@ -351,10 +352,11 @@ def _carried(
         for normal, tangent in zip(rows.normals, rows.tangents, strict=True)
     ]
     slips = [fence(tangent.speed(moving), barrier) for tangent in rows.tangents]
-    sticks = [
-        decided(stay & (jnp.abs(slip) < margins.slow), barrier)
-        for stay, slip in zip(stays, slips, strict=True)
-    ]
+    sticks = []
+    for a, (normal, tangent) in enumerate(zip(rows.normals, rows.tangents, strict=True)):
+        slow = jnp.abs(slips[a]) < margins.slow
+        stops = slow | catches(normal, tangent, slips[a], ratio[a])
+        sticks.append(decided(stays[a] & stops, barrier))
     along = [
         fence(-(tangent.speed(free) + bend) / tangent.size, barrier)
         for tangent, (_, bend) in zip(rows.tangents, bends, strict=True)
@@ -363,9 +365,15 @@ def _carried(
     loaded = [decided(push > 0, barrier) for push in pushes]
     moving = kept(moving, loaded)
     for _ in range(2):
-        for tangent, on, stick in zip(rows.tangents, loaded, sticks, strict=True):
-            back = jnp.where(on & stick, -tangent.row.dot(moving), 0.0)
-            moving = Rate(*fence_all(tuple(moving.plus(tangent.row, back)), barrier))
+        for normal, tangent, on, stick in zip(
+            rows.normals, rows.tangents, loaded, sticks, strict=True
+        ):
+            # Along the tangent without what goes along the normal, whose speed stays 0.
+            cosine = normal.row.dot(tangent.row)
+            back = tangent.row.dot(moving) / (1.0 - cosine * cosine)
+            back = jnp.where(on & stick, -back, 0.0)
+            moving = moving.plus(tangent.row, back).plus(normal.row, -cosine * back)
+            moving = Rate(*fence_all(tuple(moving), barrier))
         moving = kept(moving, loaded)
     acceleration = rows.settle(free, pushes, barrier)
     acceleration = acceleration.plus_all([tangent.row for tangent in rows.tangents], rubs)
