@@ -179,9 +179,7 @@ def main() -> None:
         rows, label = PARTS[name]
         kept = RESULTS / f"shapes_{name}.nc"
         if args.again or not kept.exists():
-            data = evaluated(
-                rows(), trials=args.trials, max_steps=args.max_steps, seed=args.seed
-            )
+            data = evaluated(rows(), trials=args.trials, max_steps=args.max_steps, seed=args.seed)
             save_dataset(data, kept)
         draw(load_dataset(kept), label, RESULTS / f"shapes_{name}.png")
 

@@ -104,8 +104,7 @@ class Rows(eqx.Module):
             unstacked(direction, count) for direction in for_each(directions, found)
         )
         cosines = {
-            (a, b): fence(normals[a].row.dot(normals[b].row), barrier)
-            for a, b in _pairs(count)
+            (a, b): fence(normals[a].row.dot(normals[b].row), barrier) for a, b in _pairs(count)
         }
         return cls(normals, tangents, cosines)
 
@@ -344,6 +343,23 @@ def at_rest_under(
 SWEEPS = 16
 """Rounds in which forces with friction settle."""
 
+LEAST_OWN = 0.1
+"""Share of a push that has to be left of it in its own direction, after the friction it causes."""
+
+
+def catches(normal: Direction, tangent: Direction, slip: Scalar, ratio: Scalar) -> Flag:
+    """Whether a contact that slides and is pressed on cannot go on to slide.
+
+    Where friction turns the body into the limb as fast as the push turns it away, no force is large
+    enough (Painleve's paradox), and an impulse stops the slip at once.
+
+    Arguments:
+        normal, tangent: of the contact.
+        slip: the speed along the tangent.
+        ratio: the largest push along the tangent for a push along the normal.
+    """
+    return 1.0 - jnp.sign(slip) * ratio * normal.row.dot(tangent.row) < LEAST_OWN
+
 
 def forces_with_friction(
     rows: Rows,
@@ -375,7 +391,7 @@ def forces_with_friction(
     }
     drag = [jnp.where(slip[a] > 0, -ratio[a], ratio[a]) for a in range(count)]
     own = [1.0 + cosines[a, count + a] * drag[a] for a in range(count)]
-    own = [jnp.where(sticks[a], 1.0, jnp.maximum(own[a], 0.1)) for a in range(count)]
+    own = [jnp.where(sticks[a], 1.0, jnp.maximum(own[a], LEAST_OWN)) for a in range(count)]
     drag, own = fence_all((drag, own), barrier)
 
     def sweep(_: Any, pushes: list[Scalar]) -> list[Scalar]:

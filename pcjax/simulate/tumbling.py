@@ -65,6 +65,7 @@ from pcjax.physics.rigid import (
     Rate,
     Rows,
     at_rest_under,
+    catches,
     forces_with_friction,
     impact,
     least_pushes,
@@ -437,14 +438,14 @@ class Pressing(eqx.Module):
         need, along: pushes along the normal, NOT_NEEDED where it is off, and against slipping.
         stays: whether it is on.
         slip: the speed along the tangent.
-        sticks: whether that is none.
+        slow: whether that is all but none.
         bend_along: what turning adds to the acceleration along the tangent.
     """
 
     need: Scalar
     stays: Flag
     slip: Scalar
-    sticks: Flag
+    slow: Flag
     along: Scalar
     bend_along: Scalar
 
@@ -478,10 +479,10 @@ def _carried(
         stays = decided(on & ((leaving < margins.slow) | caught), barrier)
         need = jnp.where(stays, presses / normal.size, NOT_NEEDED)
         slip = tangent.speed(moving)
-        sticks = decided(stays & (jnp.abs(slip) < margins.slow), barrier)
+        slow = jnp.abs(slip) < margins.slow
         along = -(tangent.speed(free) + bend_along) / tangent.size
         need, slip, along = fence_all((need, slip, along), barrier)
-        return Pressing(need, stays, slip, sticks, along, bend_along)
+        return Pressing(need, stays, slip, slow, along, bend_along)
 
     each = unstacked(
         for_each(pressing, found, *map(stacked, (touches, rows.normals, rows.tangents))), CONTACTS
@@ -507,18 +508,29 @@ def _carried(
         fence(law.friction * tangent.size / normal.size, barrier)
         for normal, tangent in zip(rows.normals, rows.tangents, strict=True)
     ]
-    slips, sticks = [one.slip for one in each], [one.sticks for one in each]
+    slips = [one.slip for one in each]
+    sticks = []
+    for a, (normal, tangent) in enumerate(zip(rows.normals, rows.tangents, strict=True)):
+        stops = each[a].slow | catches(normal, tangent, slips[a], ratio[a])
+        sticks.append(decided(stays[a] & stops, barrier))
     along = [one.along for one in each]
     pushes, rubs = forces_with_friction(rows, needs, along, slips, sticks, ratio, barrier)
     loaded = [decided(push > 0, barrier) for push in pushes]
 
     def clean(_: Any, moving: Rate) -> Rate:
-        for tangent, on, stick in zip(rows.tangents, loaded, sticks, strict=True):
-            back = jnp.where(on & stick, -tangent.row.dot(moving), 0.0)
-            moving = Rate(*fence_all(tuple(moving.plus(tangent.row, back)), barrier))
+        for normal, tangent, on, stick in zip(
+            rows.normals, rows.tangents, loaded, sticks, strict=True
+        ):
+            # Along the tangent without what goes along the normal, whose speed stays 0.
+            cosine = normal.row.dot(tangent.row)
+            back = tangent.row.dot(moving) / (1.0 - cosine * cosine)
+            back = jnp.where(on & stick, -back, 0.0)
+            moving = moving.plus(tangent.row, back).plus(normal.row, -cosine * back)
+            moving = Rate(*fence_all(tuple(moving), barrier))
         return kept(moving, loaded)
 
-    moving = jax.lax.fori_loop(0, 3, clean, moving)
+    # The first time without what sticks, so that normals come first.
+    moving = jax.lax.fori_loop(0, 2, clean, kept(moving, loaded))
     acceleration = rows.settle(free, pushes, barrier)
     acceleration = acceleration.plus_all([tangent.row for tangent in rows.tangents], rubs)
     still = jnp.maximum(jnp.maximum(jnp.abs(moving.x), jnp.abs(moving.y)), jnp.abs(moving.turn))
@@ -531,9 +543,9 @@ def _carried(
         Rate(*fence_all(tuple(rate), barrier)) for rate in (moving, acceleration)
     )
     steady = NEVER + 0.0 * free.x
-    for on, one, tangent in zip(loaded, each, rows.tangents, strict=True):
+    for on, stick, one, tangent in zip(loaded, sticks, each, rows.tangents, strict=True):
         slip, change = tangent.speed(moving), tangent.speed(acceleration) + one.bend_along
-        brakes = on & ~one.sticks & (slip * change < 0)
+        brakes = on & ~stick & (slip * change < 0)
         stop = jnp.abs(slip) / jnp.where(brakes, jnp.abs(change), 1.0)
         steady = jnp.where(brakes, jnp.minimum(steady, stop), steady)
     return moving, acceleration, loaded, fence(steady, barrier)

@@ -20,22 +20,47 @@ MOST = 64
 
 
 @njit(cache=False)
-def _contacts(limbs, points, own, rounding, half, x, y, c, s, margin, out):
-    """Contacts with a gap below the margin: normal from limb to body, point, gap. Returns how many."""
+def _contacts(
+    limbs, points, own, edges, reach, rounding, half, x, y, c, s, x0, y0, c0, s0, margin, out
+):
+    """Contacts with a gap below the margin: normal from limb to body, point, gap. Returns how many.
+
+    ``edges``: rows (x, y, length), the direction from each vertex to the next; ``reach``: the longest arm. ``x0``,
+    ``y0``, ``c0``, ``s0``: where the body was when it last overlapped nothing, which tells what has gone through a limb.
+    """
     n = 0
     k = len(own)
+    far = (reach + rounding + half + margin) ** 2
     for j in range(len(limbs)):
         ax, ay, tx, ty, length = limbs[j]
+        centre_along = (x - ax) * tx + (y - ay) * ty
+        centre_across = tx * (y - ay) - ty * (x - ax)
+        over = centre_along - min(max(centre_along, 0.0), length)
+        if over * over + centre_across * centre_across > far:
+            continue
         for i in range(k):
             qx = x + c * own[i, 0] - s * own[i, 1]
             qy = y + s * own[i, 0] + c * own[i, 1]
             rx, ry = qx - ax, qy - ay
-            along = rx * tx + ry * ty
+            along, across = rx * tx + ry * ty, tx * ry - ty * rx
+            qx0 = x0 + c0 * own[i, 0] - s0 * own[i, 1] - ax
+            qy0 = y0 + s0 * own[i, 0] + c0 * own[i, 1] - ay
+            along0, across0 = qx0 * tx + qy0 * ty, tx * qy0 - ty * qx0
+            if across * across0 < 0.0 and n < MOST:
+                through = along + (along0 - along) * across / (across - across0)
+                if 0.0 <= through <= length:
+                    side = 1.0 if across0 > 0.0 else -1.0
+                    nx, ny = -ty * side, tx * side
+                    out[n, 0], out[n, 1] = nx, ny
+                    out[n, 2], out[n, 3] = qx - nx * rounding, qy - ny * rounding
+                    out[n, 4] = -abs(across) - rounding
+                    n += 1
+                    continue
             if j > 0 and along < 0.0:
                 continue  # the limb before has this joint
             on = min(max(along, 0.0), length)
             dx, dy = rx - tx * on, ry - ty * on
-            d = math.hypot(dx, dy)
+            d = math.sqrt(dx * dx + dy * dy)
             if d - rounding - half < margin and d > 0.0 and n < MOST:
                 nx, ny = dx / d, dy / d
                 out[n, 0], out[n, 1] = nx, ny
@@ -44,27 +69,37 @@ def _contacts(limbs, points, own, rounding, half, x, y, c, s, margin, out):
                 n += 1
     if k > 1:
         for h in range(len(points)):
+            if (points[h, 0] - x) ** 2 + (points[h, 1] - y) ** 2 > far:
+                continue
             best, edge = -1e30, -1
             for i in range(k):
-                i2 = (i + 1) % k
-                ux, uy = own[i2, 0] - own[i, 0], own[i2, 1] - own[i, 1]
-                length = math.hypot(ux, uy)
-                ux, uy = ux / length, uy / length
-                wx, wy = c * ux - s * uy, s * ux + c * uy
+                if k == 2:
+                    # A rod has no inside: the side on which the point was, if it came through.
+                    wx0 = c0 * edges[i, 0] - s0 * edges[i, 1]
+                    wy0 = s0 * edges[i, 0] + c0 * edges[i, 1]
+                    px0 = points[h, 0] - x0 - c0 * own[i, 0] + s0 * own[i, 1]
+                    py0 = points[h, 1] - y0 - s0 * own[i, 0] - c0 * own[i, 1]
+                    height0, along0 = px0 * wy0 - py0 * wx0, px0 * wx0 + py0 * wy0
+                else:
+                    height0, along0 = 0.0, 0.0
+                wx, wy = c * edges[i, 0] - s * edges[i, 1], s * edges[i, 0] + c * edges[i, 1]
                 qx = x + c * own[i, 0] - s * own[i, 1]
                 qy = y + s * own[i, 0] + c * own[i, 1]
                 height = (points[h, 0] - qx) * wy - (points[h, 1] - qy) * wx
+                if height0 > 0.0 and height < 0.0:
+                    along = (points[h, 0] - qx) * wx + (points[h, 1] - qy) * wy
+                    through = along + (along0 - along) * height / (height - height0)
+                    if 0.0 <= through <= edges[i, 2]:
+                        best, edge = height, i
+                        break
                 if height > best:
                     best, edge = height, i
-            i2 = (edge + 1) % k
-            ux, uy = own[i2, 0] - own[edge, 0], own[i2, 1] - own[edge, 1]
-            length = math.hypot(ux, uy)
-            ux, uy = ux / length, uy / length
-            wx, wy = c * ux - s * uy, s * ux + c * uy
+            wx = c * edges[edge, 0] - s * edges[edge, 1]
+            wy = s * edges[edge, 0] + c * edges[edge, 1]
             qx = x + c * own[edge, 0] - s * own[edge, 1]
             qy = y + s * own[edge, 0] + c * own[edge, 1]
             along = (points[h, 0] - qx) * wx + (points[h, 1] - qy) * wy
-            if 0.0 < along < length and best - rounding - half < margin and n < MOST:
+            if 0.0 < along < edges[edge, 2] and best - rounding - half < margin and n < MOST:
                 out[n, 0], out[n, 1] = -wy, wx
                 out[n, 2], out[n, 3] = points[h, 0] - wy * half, points[h, 1] + wx * half
                 out[n, 4] = best - rounding - half
@@ -138,7 +173,15 @@ def run(
     reach = 0.0
     for i in range(len(own)):
         reach = max(reach, math.hypot(own[i, 0], own[i, 1]))
-    reach += rounding
+    ahead = np.empty_like(own)
+    ahead[:-1], ahead[-1] = own[1:], own[0]
+    edges = np.zeros((len(own), 3))
+    for i in range(len(own)):
+        length = math.hypot(ahead[i, 0] - own[i, 0], ahead[i, 1] - own[i, 1])
+        if length > 0.0:
+            edges[i, 0] = (ahead[i, 0] - own[i, 0]) / length
+            edges[i, 1] = (ahead[i, 1] - own[i, 1]) / length
+            edges[i, 2] = length
     found = np.zeros((MOST, 5))
     carried = arm[1] > 0.0
     inv = 1.0 / kappa if turns else 0.0
@@ -152,8 +195,12 @@ def run(
         ox = oy = turn = 0.0
         cos_t, sin_t = 1.0, 0.0
         ovx = ovy = spin = 0.0
-        for n in range(round(limit / dt)):
+        before = (x, y, math.cos(angle), math.sin(angle))
+        n, steps, same = -1, round(limit / dt), 0
+        while n + 1 < steps:
+            n += 1
             which, at = n // per_period, n % per_period
+            x_before, y_before, angle_before = x, y, angle
             if carried:
                 # The hand at the end of the step; the object flies in the world.
                 if n == 0:
@@ -201,11 +248,26 @@ def run(
                 vy += py * dt
                 angle += w * dt
                 hx, hy, ux, uy, turned, uw = x, y, vx, vy, angle, w
-            speed = math.hypot(ux, uy) + abs(uw) * reach + 2.0 * g * dt
+            speed = math.hypot(ux, uy) + abs(uw) * (reach + rounding) + 2.0 * g * dt
             clear -= (speed + 0.1) * dt
             if clear <= 0.0:
                 c, s = math.cos(turned), math.sin(turned)
-                near = _contacts(limbs, points, own, rounding, half, hx, hy, c, s, 2.0, found)
+                near = _contacts(
+                    limbs,
+                    points,
+                    own,
+                    edges,
+                    reach,
+                    rounding,
+                    half,
+                    hx,
+                    hy,
+                    c,
+                    s,
+                    *before,
+                    2.0,
+                    found,
+                )
                 least = 2.0
                 for a in range(near):
                     least = min(least, found[a, 4])
@@ -288,7 +350,20 @@ def run(
                         turned += mt * inv
                         c, s = math.cos(turned), math.sin(turned)
                         near = _contacts(
-                            limbs, points, own, rounding, half, hx, hy, c, s, 2.0, found
+                            limbs,
+                            points,
+                            own,
+                            edges,
+                            reach,
+                            rounding,
+                            half,
+                            hx,
+                            hy,
+                            c,
+                            s,
+                            *before,
+                            2.0,
+                            found,
                         )
                         worst = 0.0
                         for a in range(near):
@@ -302,6 +377,7 @@ def run(
                         vy = sin_t * ux + cos_t * uy + ovy + spin * rx
                     else:
                         x, y, vx, vy, angle, w = hx, hy, ux, uy, turned, uw
+            before = (hx, hy, math.cos(turned), math.sin(turned))
             line = (gx * (hy - goal[1]) - gy * (hx - goal[0])) / goal_length
             where = (gx * (hx - goal[0]) + gy * (hy - goal[1])) / goal_length**2
             if line_before < 0.0 and line >= 0.0 and 0.0 < where < 1.0:
@@ -311,4 +387,10 @@ def run(
             if not (abs(hx) < 1e5 and abs(hy) < 1e5):
                 times[trial] = np.nan
                 break
+            # What stays where it is under a pull that stays does so to the period's end.
+            moved = abs(x - x_before) + abs(y - y_before) + reach * abs(angle - angle_before)
+            moved += (abs(vx) + abs(vy) + reach * abs(w)) * dt
+            same = same + 1 if moved < 1e-9 else 0
+            if same > 10 and at >= in_ramp and not carried:
+                n, same, clear = min((which + 1) * per_period, steps) - 1, 0, 0.0
     return times, deepest
