@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import jax.numpy as jnp
@@ -13,10 +14,13 @@ from pcjax.physics.contact.table import contact_of
 from pcjax.physics.state import PAPER_DT, State, at_rest
 
 
-def begin(scenario: Scenario, draws: Float[Array, "3"]) -> State:
+def begin(scenario: Scenario, draws: Float[Array, " draws"]) -> State:
     """A trial's first state, from `scenario.draws_for_start` draws uniform on [0, 1)."""
     body: Any = scenario.body
-    return at_rest(scenario.start(draws), body.orientation if body.turns else 0.0)
+    angle = body.orientation if body.oriented else 0.0
+    if angle is None:
+        angle = math.pi * (2 * draws[3] - 1)
+    return at_rest(scenario.start(draws[:3]), angle)
 
 
 def step(scenario: Scenario, profile: Any, state: State, dt: Scalar = PAPER_DT) -> State:

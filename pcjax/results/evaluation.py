@@ -79,11 +79,11 @@ class Evaluation:
                 "radius": float(body.radius),
                 "object_width": float(body.width),
             }
-            # What one has to know of what turns: its angle at the start and its skin.
+            # What one has to know of what has an angle: that at the start, and its skin.
             | {
-                n: float(getattr(body, n))
+                n: float(number)
                 for n in ("orientation", "skin")
-                if body.turns and hasattr(body, n)
+                if body.oriented and (number := getattr(body, n, None)) is not None
             }
             | conditions(scenarios),
         )
