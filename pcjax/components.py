@@ -22,7 +22,7 @@ from typing import Any, Generic, Literal, Self, TypeVar, cast, dataclass_transfo
 import equinox as eqx
 import jax
 
-from pcjax.checks import check_between, check_finite, check_positive, check_radians
+from pcjax.checks import check_between, check_count, check_finite, check_positive, check_radians
 from pcjax.units import PER_METRE, length_in_words
 from pcjax.words import did_you_mean
 
@@ -56,6 +56,8 @@ class Quantity:
         metric: the default where lengths are in metres, in metres; None: there is none then.
         low, high: the allowed range.
         above: whether `low` itself is not allowed.
+        kind: float, or int or bool for what is part of the program.
+        word: what files and the command line say for None, such as "random".
         count: of how many numbers it consists; None for one number.
         many: whether it is any number of such values, one or more.
         each: what one of several is called.
@@ -72,6 +74,8 @@ class Quantity:
     low: float = -math.inf
     high: float = math.inf
     above: bool = False
+    kind: type = float
+    word: str = ""
     count: int | None = None
     many: bool = False
     each: str = "number"
@@ -84,6 +88,11 @@ class Quantity:
     def file_key(self) -> str:
         """Its name in a study file: angles are in degrees and say so."""
         return self.key + ("_deg" if self.key and self.unit == "angle" else "")
+
+    @property
+    def file_keys(self) -> tuple[str, ...]:
+        """All its names in a study file: the one for numbers, and the one for its word."""
+        return tuple(dict.fromkeys((self.file_key, self.key) if self.word else (self.file_key,)))
 
     @property
     def unit_in_words(self) -> str:
@@ -117,10 +126,18 @@ class Quantity:
             return tuple(map(replace(self, many=False).from_file, value))
         if self.count is not None:
             return tuple(map(replace(self, count=None).from_file, value))
+        if self.word and value == self.word:
+            return None
+        if self.kind is int and value == round(value):
+            return int(value)
         return math.radians(value) if self.unit == "angle" else value
 
     def to_file(self, value: Any) -> Any:
         """The value as files and the command line have it."""
+        if value is None:
+            return self.word
+        if self.kind is not float:
+            return value
         if self.many:
             return [replace(self, many=False).to_file(one) for one in value]
         if self.count is not None:
@@ -157,6 +174,13 @@ class Quantity:
             self._check_one(f"{self.name} of {self.each} {k}", one)
 
     def _check_one(self, name: str, value: Any) -> None:
+        if self.kind is bool:
+            if not isinstance(value, bool):
+                raise ValueError(f"{name} is {value!r}: it has to be true or false")
+            return
+        if self.kind is int:
+            check_count(name, value, int(self.low), int(self.high))
+            return
         if self.above and self.low == 0 and self.high == math.inf:
             check_positive(name, value)
             return
@@ -186,7 +210,7 @@ def quantity(
     if default is not MISSING:
         given["default"] = default
     if static and converter is None:
-        converter = float
+        converter = float if declared.kind is float else None
     if converter is not None:
         given["converter"] = converter
     return eqx.field(**given)
@@ -224,12 +248,18 @@ class Component(eqx.Module):
         check_radians(angles)
 
     def as_table(self) -> dict[str, Any]:
-        """Its parameters by their names in study files; what is not set is left out."""
-        return {
-            what.file_key: what.to_file(value)
-            for name, what in quantities(type(self)).items()
-            if what.key and (value := getattr(self, name)) is not None
-        }
+        """Its parameters by their names in study files; what is not set is left out, and what is
+        true or false where it is as usual."""
+        table: dict[str, Any] = {}
+        for name, what in quantities(type(self)).items():
+            value = getattr(self, name)
+            if not what.key or (what.kind is bool and value == what.default):
+                continue
+            if value is not None:
+                table[what.file_key] = what.to_file(value)
+            elif what.word:
+                table[what.key] = what.word
+        return table
 
     def having(self, **changes: Any) -> Self:
         """The same thing with other parameters, which are checked."""
@@ -317,9 +347,9 @@ class Registry(Generic[C]):
         >>> from pcjax.model.bodies.circle import Circle
         >>> BODIES["circle"] is Circle
         True
-        >>> BODIES["crcle"]
+        >>> BODIES["crcle"]  # doctest: +ELLIPSIS
         Traceback (most recent call last):
-        ValueError: there is no body crcle: did you mean circle? there are circle, stick
+        ValueError: there is no body crcle: did you mean circle? there are circle, stick, ...
     """
 
     def __init__(self, noun: str, group: str, own: Sequence[str] = ()):

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import pcjax
 from pcjax.geometry import Vec
@@ -23,7 +24,6 @@ from pcjax.simulate.convex import ConvexLeaps
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
 from pcjax.simulate.event import EventDriven
 from pcjax.simulate.tumbling import Tumble, tumble
-from scipy.integrate import solve_ivp
 from tests.reference import polygon as reference
 
 pytestmark = pytest.mark.usefixtures("quick_programs")
@@ -103,7 +103,10 @@ def test_rounding_moves_the_centre_of_mass() -> None:
             "not convex|crosses itself",
         ),
         (lambda: pcjax.Square(10.0, 5.0), "rounding is 5: it has to be less than half of the side"),
-        (lambda: pcjax.Capsule(10.0, 12.0), "has to be less than half of the length"),
+        (
+            lambda: pcjax.Capsule(10.0, 12.0),
+            "diameter is 12: it has to be less than the length, 10",
+        ),
         (lambda: pcjax.RegularPolygon(2, 10.0), "number"),
         (lambda: pcjax.ContactLaw(friction=-0.1), "friction is -0.1: it has to be at least 0"),
     ],

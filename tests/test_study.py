@@ -72,7 +72,8 @@ GOOD = Study(two_joint_hand(), Circle(50.0), WristTilt(), ContactLaw()).to_toml(
         (GOOD.replace("palm_length = 200.0", "palm_length = '2'"), "has to be a number"),
         (GOOD.replace("palm_length = 200.0", "palm_length = -2"), "above 0"),
         (GOOD.replace("lengths = [[200.0, 100.0], ", "lengths = ["), "two lists"),
-        (GOOD.replace('"circle"', '"square"'), "circle or stick"),
+        (GOOD.replace('"circle"', '"cube"'), "circle or stick or polygon or square"),
+        (GOOD.replace('"circle"', '"square"'), "radius does not apply to the body square"),
         (GOOD.replace("radius", "orientation_deg"), "does not apply"),
         ("hand = 3", "has to be a table"),
     ],
@@ -369,7 +370,7 @@ def test_a_swept_number_is_that_number(name: str, value: float, read_back) -> No
         ("[sweep]\njoint_angle_9_deg = [1]", "there is no joint_angle_9_deg"),
         (
             "[sweep]\norientation_deg = [1]",
-            "orientation_deg is none of this study's numbers: the body stick has it",
+            "orientation_deg is none of this study's numbers: the body stick, the body polygon",
         ),
         ("[sweep]\nradius = []", "radius has no values"),
         ("[sweep]\nradius = 'a'", "a list of numbers, or a range"),

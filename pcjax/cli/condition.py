@@ -5,12 +5,12 @@ from __future__ import annotations
 import argparse
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import MISSING
 from pathlib import Path
 from typing import Any
 
-from pcjax.cli.parts import as_flags_say, number
+from pcjax.cli.parts import as_flags_say, number, whole
 from pcjax.components import Component, Quantity, quantities
 from pcjax.design.parameters import HELP, labelled
 from pcjax.model.bodies.base import BODIES
@@ -22,6 +22,8 @@ from pcjax.study.read import read_study
 from pcjax.study.spec import Study
 from pcjax.units import UNITS
 from pcjax.words import InputWarning
+
+_YES_OR_NO = {"yes": True, "no": False}
 
 _KINDS = {
     "hand": ("preset", "hand", HANDS, "the hand (default: box on the wrist, two-joint on the arm)"),
@@ -71,14 +73,27 @@ def add_condition(parser: argparse.ArgumentParser) -> None:
         first = owners[0][1]
         letter = "DEG" if first.unit == "angle" else flag.rsplit("-", 1)[-1][0].upper()
         several = [chr(ord("A") + k) for k in range(first.count or 1)]
-        add(
-            f"--{flag}",
-            type=number,
-            nargs=first.count,
-            default=None,
-            metavar=letter if first.count is None else tuple(several),
-            help=_help(owners),
-        )
+        names = letter if first.count is None else tuple(several)
+        taken: dict[str, Any] = {"type": _or_word(first), "nargs": first.count, "metavar": names}
+        if first.kind is bool:
+            taken = {"choices": tuple(_YES_OR_NO)}
+        add(f"--{flag}", default=None, help=_help(owners), **taken)
+
+
+def _or_word(what: Quantity) -> Callable[[str], Any]:
+    """What reads a flag's number, or its word."""
+    plain = whole if what.kind is int else number
+
+    def read(text: str) -> Any:
+        if what.word and text == what.word:
+            return text
+        try:
+            return plain(text)
+        except argparse.ArgumentTypeError as error:
+            other = f", nor {what.word}" if what.word else ""
+            raise argparse.ArgumentTypeError(f"{error}{other}") from None
+
+    return read
 
 
 def _help(owners: list[tuple[str, Quantity]]) -> str:
@@ -87,10 +102,12 @@ def _help(owners: list[tuple[str, Quantity]]) -> str:
     for kind, what in owners:
         texts.setdefault(what.help, []).append(kind)
         usual = what.usual
-        if not usual and what.default not in (None, MISSING):
+        if what.kind is bool:
+            usual = next(word for word, value in _YES_OR_NO.items() if value == what.default)
+        elif not usual and what.default not in (None, MISSING):
             value = what.to_file(what.default)
             usual = " ".join(f"{v:g}" for v in (value if isinstance(value, list) else [value]))
-        defaults.setdefault(usual, []).append(kind)
+        defaults.setdefault(usual or "none", []).append(kind)
 
     def in_words(each: dict[str, list[str]]) -> str:
         if len(each) == 1:
@@ -115,9 +132,11 @@ def condition(arguments: argparse.Namespace) -> Study:
     for table, _, what in _declared():
         given = getattr(arguments, what.flag.replace("-", "_"))
         if given is not None:
-            instead.setdefault(table, {})[what.file_key] = given
+            key = what.key if what.word and given == what.word else what.file_key
+            value = _YES_OR_NO[given] if what.kind is bool else given
+            instead.setdefault(table, {})[key] = value
         if given is not None or arguments.study is None:
-            names[f"[{table}] {what.file_key}"] = f"--{what.flag}"
+            names |= {f"[{table}] {key}": f"--{what.flag}" for key in what.file_keys}
 
     def by_flag(text: str) -> str:
         """A message in which what came from a flag, or could have, is called by it."""

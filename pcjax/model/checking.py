@@ -63,7 +63,7 @@ def check_geometry(scenario: Scenario) -> float:
         )
     if found.fit.clearance < _slack(scenario):
         raise ValueError(
-            f"the {scenario.body.noun} {float(scenario.body.radius):g} does not fit at its start "
+            f"the {scenario.body.noun} {scenario.body.size_in_words()} does not fit at its start "
             f"near the palm's ends (it overlaps a limb by {-found.fit.clearance:.3g}): "
             + _advice(scenario)
         )

@@ -77,8 +77,6 @@ class Scenario(eqx.Module):
     law: ContactLaw
     start_spread: Scalar
 
-    draws_for_start = 3
-
     @property
     def contact_radius(self) -> Scalar:
         """How far from a limb's middle line the centre of a circle of the object's radius is that
@@ -102,6 +100,11 @@ class Scenario(eqx.Module):
         self.drive = drive
         self.law = law
         self.start_spread = start_spread
+
+    @property
+    def draws_for_start(self) -> int:
+        """How many draws a trial's first state takes: one more where the orientation is drawn."""
+        return 4 if self.body.oriented and self.body.orientation is None else 3
 
     def world(self) -> World:
         """Forward kinematics and goal line, for `pcjax.physics.step.advance`."""
@@ -173,7 +176,8 @@ def eoen(
 
     It is outside but virtually confined, in a box that mirrors the hand's body. The scenario is
     that seen in the mirror: the hand's body, with both fingertips mirrored across the line through
-    their joints, and the drive mirrored along.
+    their joints, and the drive and the object mirrored along. The object's orientation is that in
+    the mirror.
 
     Raises:
         ValueError: a hand without EoEn, see `why_no_eoen`. Traced numbers are not checked.
@@ -191,7 +195,8 @@ def eoen(
         )
     drive = WristTilt() if drive is None else drive
     mirrored = drive.mirrored(hand.tip_mirror())
-    return Scenario(hand.with_fingertips_mirrored(), body, mirrored, law, start_spread)
+    check_kind("body", body, Body)
+    return Scenario(hand.with_fingertips_mirrored(), body.mirrored(), mirrored, law, start_spread)
 
 
 def why_no_eoen(hand: HandDesign) -> str:

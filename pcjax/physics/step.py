@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import jax.numpy as jnp
@@ -16,10 +17,13 @@ from pcjax.physics.state import PAPER_DT, State, at_rest
 from pcjax.simulate.tumbling import tumble_for
 
 
-def begin(scenario: Scenario, draws: Float[Array, "3"]) -> State:
+def begin(scenario: Scenario, draws: Float[Array, " draws"]) -> State:
     """A trial's first state, from `scenario.draws_for_start` draws uniform on [0, 1)."""
     body: Any = scenario.body
-    return at_rest(scenario.start(draws), body.orientation if body.turns else 0.0)
+    angle = body.orientation if body.oriented else 0.0
+    if angle is None:
+        angle = math.pi * (2 * draws[3] - 1)
+    return at_rest(scenario.start(draws[:3]), angle)
 
 
 def step(scenario: Scenario, profile: Any, state: State, dt: Scalar = PAPER_DT) -> State:
@@ -48,9 +52,11 @@ def step(scenario: Scenario, profile: Any, state: State, dt: Scalar = PAPER_DT) 
 
 def by_leaps(body: Body, law: ContactLaw) -> bool:
     """Whether a step is made of the leaps of convex bodies: for those that have no contact of their
-    own registered, and for all of them where there is friction or drag."""
+    own registered, for what does not turn though it has an orientation, and for all of them where
+    there is friction or drag."""
     rough = law.friction is not None or law.drag is not None
-    return body.convex and (rough or registered_contact(body) is None)
+    stiff = body.oriented and not getattr(body, "turns", True)
+    return body.convex and (rough or stiff or registered_contact(body) is None)
 
 
 def advance(world: World, profile: Any, state: State, dt: Scalar) -> State:

@@ -134,8 +134,10 @@ class Surrogate:
                 f"max_steps is {self.task.max_steps}: a surrogate's limit has to be a whole number "
                 f"of periods of {round(self.task.drive.period / PAPER_DT)} steps"
             )
-        if self.form == "cloud" and self.task.body.turns:
-            raise ValueError("form 'cloud' knows circles only: take 'horizon' for a stick")
+        if self.form == "cloud" and (self.task.body.oriented or self.task.law.friction is not None):
+            raise ValueError(
+                "form 'cloud' knows circles without friction only: take 'horizon' for others"
+            )
 
     @property
     def periods(self) -> int:

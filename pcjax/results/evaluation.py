@@ -81,11 +81,11 @@ class Evaluation:
                 "object_width": float(body.width),
                 "thickness": float(some.hand.thickness),
             }
-            # What one has to know of what turns: its angle at the start and its skin.
+            # What one has to know of what has an angle: that at the start, and its skin.
             | {
-                n: float(getattr(body, n))
+                n: float(number)
                 for n in ("orientation", "skin")
-                if body.turns and hasattr(body, n)
+                if body.oriented and (number := getattr(body, n, None)) is not None
             }
             | conditions(scenarios),
         )

@@ -18,9 +18,13 @@ def parameters(scenario: Scenario) -> dict[str, float]:
     """Every number of a scenario by name, for instance `hand.angles[0][2]`."""
     leaves, _ = jax.tree_util.tree_flatten_with_path(scenario)
     numbers = {jax.tree_util.keystr(path).lstrip("."): float(leaf) for path, leaf in leaves}
-    drive: Any = scenario.drive
-    fixed = [f.name for f in dataclasses.fields(drive) if f.metadata.get("static")]
-    return numbers | {f"drive.{name}": getattr(drive, name) for name in fixed}
+    parts: dict[str, Any] = {"drive": scenario.drive, "body": scenario.body}
+    return numbers | {
+        f"{part}.{f.name}": getattr(thing, f.name)
+        for part, thing in parts.items()
+        for f in dataclasses.fields(thing)
+        if f.metadata.get("static")
+    }
 
 
 def conditions(scenarios: Mapping[str, Scenario] | Sequence[Scenario]) -> dict[str, str]:

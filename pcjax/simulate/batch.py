@@ -85,14 +85,14 @@ def run(
         keep_final: whether to keep where each trial was in the end.
 
     Raises:
-        ValueError: a count out of range, or objects of which some turn and others do not.
+        ValueError: a count out of range, or objects of which only some have an orientation.
     """
-    turns = scenarios[0].body.turns
+    oriented = scenarios[0].body.oriented
     outcomes = Outcomes.blank(
         len(scenarios),
         trials,
         max_steps,
-        watched=turns,
+        watched=oriented,
         relaxed=engine.relaxed,
         final=keep_final,
     )
@@ -100,8 +100,11 @@ def run(
     check_count("first", first, 0, 2**31 - 1 - trials)
     if precision not in (32, 64):
         raise ValueError(f"precision is {precision!r}: it has to be 32 or 64 (bits)")
-    if any(scenario.body.turns != turns for scenario in scenarios):
-        raise ValueError("some of the objects turn and others do not: run them one after the other")
+    if any(scenario.body.oriented != oriented for scenario in scenarios):
+        raise ValueError(
+            "some of the objects have an orientation and others have not: run them one after the "
+            "other"
+        )
     engine.fill(outcomes, scenarios, How(first, seed, precision, block, workers, progress, cloud))
     return outcomes
 

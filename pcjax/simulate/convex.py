@@ -63,7 +63,7 @@ class ConvexLeaps(LeapingEngine):
     def preference_for(cls, scenario: Scenario) -> float | None:
         """Behind those that know a circle without friction."""
         own = super().preference_for(scenario)
-        needed = by_leaps(scenario.body, scenario.law) or scenario.body.turns
+        needed = by_leaps(scenario.body, scenario.law) or scenario.body.oriented
         return own if own is None or needed else -1
 
     @classmethod

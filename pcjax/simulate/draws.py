@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Integer, Key
 
 _START = 0
 _FIRST_PERIOD = 1
+_ORIENTATION = np.uint32(2**32 - 1)
 
 
 def trial_key(seed: Integer[Array, ""] | int, trial: Integer[Array, ""] | int) -> Key[Array, ""]:
@@ -20,8 +22,11 @@ def trial_key(seed: Integer[Array, ""] | int, trial: Integer[Array, ""] | int) -
 
 
 def start_draws(key: Key[Array, ""], count: int) -> Float[Array, "{count}"]:
-    """Draws for where the object starts, uniform on (0, 1)."""
-    return _uniform(jax.random.fold_in(key, _START), count)
+    """Draws for where the object starts, 3, and at which angle, a fourth, uniform on (0, 1)."""
+    place = _uniform(jax.random.fold_in(key, _START), 3)
+    if count == 3:
+        return place
+    return jnp.append(place, _uniform(jax.random.fold_in(key, _ORIENTATION), count - 3))
 
 
 def period_draws(

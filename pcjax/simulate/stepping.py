@@ -80,7 +80,7 @@ class FixedSteps(LaneEngine):
 
     def processor_seconds(self, scenario: Scenario, max_steps: int) -> float:
         """2.5 ms for a circle and 5 ms for what turns, to 300 s by its usual step."""
-        seconds, usual = (5e-3, 0.01) if scenario.body.turns else (2.5e-3, 0.02)
+        seconds, usual = (5e-3, 0.01) if scenario.body.oriented else (2.5e-3, 0.02)
         finer = usual / self.step_taken(scenario.drive.period)
         return seconds * finer * max_steps / 300_000
 

@@ -255,7 +255,7 @@ def _run_each(
     scenarios: Sequence[Scenario], engines: Sequence[Engine], **settings: Any
 ) -> Outcomes:
     """The outcomes of each scenario by its own engine; those with equal engines share a batch."""
-    watched = scenarios[0].body.turns
+    watched = scenarios[0].body.oriented
     outcomes = Outcomes.blank(
         len(scenarios), settings["trials"], settings["max_steps"], watched=watched
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -9,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from pcjax.model.bodies.base import Body
 from pcjax.model.checking import check_geometry
 from pcjax.model.hand import full_cage, points_of
 from pcjax.model.scenario import DIRECTIONS, Scenario, why_no_eoen
@@ -77,8 +79,8 @@ class Inspection:
             f"units    {study.units if study.units in PER_METRE else 'model units'}{gravity}",
             f"hand     {limbs} limbs a finger, palm {float(study.hand.palm_length):.4g}, "
             f"{thick}{self.size[0]:.4g} wide and {self.size[1]:.4g} high",
-            f"object   {body.noun} {float(body.radius):.4g}; a gap of {self.width:.4g} lets it "
-            "through",
+            f"object   {body.noun} {body.size_in_words()}{_attitude(body)}; a gap of "
+            f"{self.width:.4g} lets it through",
         ]
         for direction, view in self.views.items():
             name = f"{NAMES[direction]:8}"
@@ -121,6 +123,16 @@ class Inspection:
             "max_steps": self.study.max_steps,
             "doubts": list(self.doubts),
         }
+
+
+def _attitude(body: Body) -> str:
+    """How a body lies at its start, and whether that changes."""
+    words = ""
+    if body.oriented:
+        angle = body.orientation
+        known = "any angle" if angle is None else f"{math.degrees(float(angle)):.4g} deg"
+        words = f", at {known} to the palm"
+    return words if body.turns else f"{words}, never turned"
 
 
 def inspect(study: Study) -> Inspection:

@@ -97,7 +97,9 @@ def read_study(
         elif isinstance(data.setdefault(table, {}), dict):
             if table == "hand" and chains:  # another kind of hand takes the place of the chains
                 del data[table]["lengths"], data[table]["angles_deg"]
-            data[table] = data[table] | keys
+            others = {_without_unit(key) for key in keys}
+            kept = {k: v for k, v in data[table].items() if _without_unit(k) not in others}
+            data[table] = {**kept, **keys}
     reader = Reader(data)
     try:
         study = reader.study()
@@ -117,6 +119,11 @@ def read_study(
         except ValueError as error:
             raise ValueError(f"[hand] {key}: {one_line(error)}") from None
     return study, reader.doubts
+
+
+def _without_unit(key: str) -> str:
+    """A key's name, whether it has a number or a word."""
+    return key.removesuffix("_deg")
 
 
 def _tables(path: Path) -> tuple[dict[str, Any], str]:

@@ -116,7 +116,7 @@ class Reader:
         """
         chosen = registry[kind]
         known = {what.file_key: what for what in quantities(chosen).values() if what.key}
-        self.table_of(where, registry, kind, (key, *known))
+        self.table_of(where, registry, kind, (key, *_keys(chosen)))
         given = self.given(where, known, usual)
         return self.sound(where, lambda: chosen(**given))
 
@@ -127,6 +127,9 @@ class Reader:
         table = self.table(where)
         given: dict[str, Any] = {}
         for key, what in known.items():
+            if what.word and what.key in table:
+                given[what.name] = self.no_number(where, what)
+                continue
             if key in table:
                 given[what.name] = self.value(where, key, what)
                 continue
@@ -137,7 +140,11 @@ class Reader:
 
     def value(self, where: str, key: str, what: Quantity) -> Any:
         """A parameter as Python has it."""
-        if what.many:
+        if what.kind is bool:
+            value = self.flag(where, key)
+        elif what.kind is int:
+            value = self.count(where, key)
+        elif what.many:
             value = self.places(where, key)
         elif what.count is None:
             value = self.number(where, key)
@@ -145,6 +152,18 @@ class Reader:
             value = self.numbers(where, key, what.count)
         self.sound(where, lambda: what.in_file().check(value))
         return what.from_file(value)
+
+    def no_number(self, where: str, what: Quantity) -> Any:
+        """What a parameter is in Python that a table gives by its word."""
+        table = self.table(where)
+        if what.file_key in table:
+            raise ValueError(f"[{where}] {what.key} and {what.file_key}: give one of them")
+        if table[what.key] != what.word:
+            raise ValueError(
+                f"[{where}] {what.key} is {table[what.key]!r}: it has to be '{what.word}'; "
+                f"{what.file_key} is for numbers"
+            )
+        return what.from_file(what.word)
 
     def sound(self, where: str, make: Callable[[], T]) -> T:
         """What is made, or an error that names the table."""
@@ -291,6 +310,12 @@ class Reader:
             raise ValueError(f"[{where}] {key} is {value!r}: it has to be a whole number")
         return value
 
+    def flag(self, where: str, key: str) -> bool:
+        value = self.table(where)[key]
+        if not isinstance(value, bool):
+            raise ValueError(f"[{where}] {key} is {value!r}: it has to be true or false")
+        return value
+
     def word(self, where: str, key: str, names: Sequence[str], default: str | None) -> Any:
         value = self.table(where).get(key, default)
         if value is not None and value not in names:
@@ -334,7 +359,7 @@ class Reader:
 
 
 def _keys(component: type[Component]) -> list[str]:
-    return [what.file_key for what in quantities(component).values() if what.key]
+    return [key for what in quantities(component).values() if what.key for key in what.file_keys]
 
 
 def is_number(value: Any) -> bool:

@@ -25,5 +25,10 @@ def text_of(tables: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _table(name: str, table: Mapping[str, Any]) -> str:
-    lines = [f'{k} = "{v}"' if isinstance(v, str) else f"{k} = {v!r}" for k, v in table.items()]
-    return "\n".join([f"[{name}]", *lines])
+    return "\n".join([f"[{name}]", *(f"{key} = {_text(value)}" for key, value in table.items())])
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f'"{value}"' if isinstance(value, str) else repr(value)

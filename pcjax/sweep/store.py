@@ -98,7 +98,7 @@ def _can_be(outcomes: Outcomes, part: Part) -> bool:
     kinds = (steps.shape, steps.dtype, status.shape, status.dtype)
     if kinds != (shape, np.int32, shape, np.uint8):
         return False
-    if part.scenarios[0].body.turns != (watch is not None):
+    if part.scenarios[0].body.oriented != (watch is not None):
         return False
     if watch is not None and (watch.shape, watch.dtype) != ((*shape, 3), np.float32):
         return False

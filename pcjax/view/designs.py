@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Circle, Patch, Rectangle
 from scipy.interpolate import NearestNDInterpolator
 
 from pcjax.design.compare import compare
@@ -48,13 +48,16 @@ def plot_optimum(data: tuple[Optimum, DesignSpace, Surrogate]) -> Figure:
 
 
 def plot_inspection(found: Inspection) -> Figure:
-    """The hand in each direction that can be run, with the box of starts and the object in it."""
+    """The hand in each direction that can be run, with the box of starts and the object in it, in
+    the circle in which it can turn."""
     views = {d: view for d, view in found.views.items() if view.gap is not None}
     figure = Picture(figsize=(5.0 * max(len(views), 1), 4.6), layout="constrained")
     axes = figure.subplots(1, max(len(views), 1), squeeze=False)[0]
     study = found.study
     for axis, direction in zip(axes, views or ["does"], strict=True):
-        hand = study.hand if direction == "does" else study.hand.with_fingertips_mirrored()
+        hand, body = study.hand, study.body
+        if direction == "eoen":
+            hand, body = hand.with_fingertips_mirrored(), body.mirrored()
         draw_limbs(axis, points_of(hand), float(hand.thickness))
         with jax.enable_x64(True):
             goal = jax.device_get(hand.goal())
@@ -69,7 +72,10 @@ def plot_inspection(found: Inspection) -> Figure:
         for (x0, y0), (x1, y1) in view.starts:
             axis.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fc="0.9", ec="0.6", zorder=0))
         (x0, y0), _ = view.starts[0]
-        draw_object(axis, *placed_outline(study.body, np.array([x0, y0])))
+        draw_object(axis, *placed_outline(body, np.array([x0, y0])))
+        if body.oriented:
+            around = Circle((x0, y0), float(body.radius), fill=False, ls=":", ec="0.4", zorder=4)
+            axis.add_patch(around)
         gap, width = (with_unit(length, study.units) for length in (view.gap, found.width))
         axis.set_title(f"{NAMES[direction]}: gap {gap}, object {width}")
     return figure

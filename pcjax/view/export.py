@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import os
 from itertools import pairwise
 from pathlib import Path
@@ -93,7 +94,7 @@ def export_hand(
     if thickness > 0:
         size = 0.2 * thickness
         for a, b in pairwise(line):
-            drawing.slot("OUTLINES", a, b, thickness / 2)
+            drawing.rounded("OUTLINES", np.array([a, b]), thickness / 2)
     for joint in line[1:-1]:
         drawing.circle("JOINTS", joint, size)
     with jax.enable_x64(True):
@@ -103,10 +104,12 @@ def export_hand(
             start = jax.device_get(does(hand, body).corner_start())
             centre = np.array([start.x, start.y], float)
             corners, radius = placed_outline(body, centre)
-            if len(corners) > 1:
+            if len(corners) == 1:
+                drawing.circle("OBJECT", centre, radius)
+            elif len(corners) == 2 and radius == 0:
                 drawing.line("OBJECT", corners)
             else:
-                drawing.circle("OBJECT", centre, radius)
+                drawing.rounded("OBJECT", corners, radius)
     save_text(drawing.text(), path)
     return path
 
@@ -132,12 +135,16 @@ class _Svg:
         where = {"cx": _text(centre[0]), "cy": _text(centre[1]), "r": _text(radius)}
         self._add(layer, "circle", around, **where)
 
-    def slot(self, layer: str, a: np.ndarray, b: np.ndarray, radius: float) -> None:
-        corners = _slot_corners(a, b, radius)
-        p, q, r, s = (f"{_text(x)},{_text(y)}" for x, y in corners)
-        arc = f"A{_text(radius)},{_text(radius)} 0 0 1"
-        around = np.array([np.minimum(a, b) - radius, np.maximum(a, b) + radius])
-        self._add(layer, "path", around, d=f"M{p} L{q} {arc} {r} L{s} {arc} {p} Z")
+    def rounded(self, layer: str, corners: Points, radius: float) -> None:
+        ends = _straight_parts(corners, radius) if radius > 0 else corners
+        first, *others = (f"{_text(x)},{_text(y)}" for x, y in ends)
+        steps = [f"L{other}" for other in others]
+        if radius > 0:
+            arc = f"A{_text(radius)},{_text(radius)} 0 0 1 "
+            steps[1::2] = [arc + other for other in others[1::2]]
+            steps.append(arc + first)
+        around = np.array([corners.min(axis=0) - radius, corners.max(axis=0) + radius])
+        self._add(layer, "path", around, d=" ".join([f"M{first}", *steps, "Z"]))
 
     def text(self) -> str:
         low, high = np.min(self._reach, axis=0), np.max(self._reach, axis=0)
@@ -191,15 +198,19 @@ class _Dxf:
     def circle(self, layer: str, centre: np.ndarray, radius: float) -> None:
         self._space.add_circle(centre.tolist(), radius, dxfattribs={"layer": layer})
 
-    def slot(self, layer: str, a: np.ndarray, b: np.ndarray, radius: float) -> None:
-        # A bulge of 1 makes the side from its vertex to the next a half circle.
-        corners = [
-            (*corner, bulge)
-            for corner, bulge in zip(
-                _slot_corners(a, b, radius).tolist(), (0, 1, 0, 1), strict=True
-            )
-        ]
-        self._space.add_lwpolyline(corners, format="xyb", close=True, dxfattribs={"layer": layer})
+    def rounded(self, layer: str, corners: Points, radius: float) -> None:
+        points = np.column_stack([corners, np.zeros(len(corners))])
+        if radius > 0:
+            ends = _straight_parts(corners, radius)
+            along = ends[1::2] - ends[::2]
+            headings = np.arctan2(along[:, 1], along[:, 0])
+            turns = (np.roll(headings, -1) - headings) % (2 * math.pi)
+            points = np.column_stack([ends, np.zeros(len(ends))])
+            # The bulge of a side that is an arc is the tangent of a quarter of its angle.
+            points[1::2, 2] = np.tan(turns / 4)
+        self._space.add_lwpolyline(
+            points.tolist(), format="xyb", close=True, dxfattribs={"layer": layer}
+        )
 
     def text(self) -> str:
         stream = io.StringIO()
@@ -207,11 +218,13 @@ class _Dxf:
         return stream.getvalue()
 
 
-def _slot_corners(a: np.ndarray, b: np.ndarray, radius: float) -> Float[np.ndarray, "4 2"]:
-    """Where a slot about the line from a to b changes from straight to round, anticlockwise."""
-    along = (b - a) / np.hypot(*(b - a))
-    right = radius * np.array([along[1], -along[0]])
-    return np.array([a + right, b + right, b - right, a - right])
+def _straight_parts(corners: Points, radius: float) -> Points:
+    """Both ends of each straight part of the outline of what is within a radius of a convex
+    polygon, one after the other, anticlockwise as its corners are."""
+    after = np.roll(corners, -1, axis=0)
+    along = (after - corners) / np.hypot(*(after - corners).T)[:, None]
+    out = radius * np.stack([along[:, 1], -along[:, 0]], axis=-1)
+    return np.stack([corners + out, after + out], axis=1).reshape(-1, 2)
 
 
 def _text(value: float) -> str:

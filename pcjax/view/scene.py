@@ -69,7 +69,11 @@ def draw_scene(axis: Axes, recording: Recording, frames: Frames, k: int) -> None
     axis.plot(*frames.in_world(recording.goal, k).T, color=COLOURS[2], ls="--", lw=1.2, zorder=2)
     centre = frames.in_world(frames.position[k : k + 1], k)[0]
     angle = None if frames.angle is None else frames.angle[k] + frames.turn[k]
-    draw_object(axis, *placed_outline(recording.scenario.body, centre, angle))
+    scenario = recording.scenario
+    # A circle without friction keeps its angle: there is nothing to be seen of it.
+    marked = scenario.body.oriented or scenario.law.friction is not None
+    mark = None if angle is None or not marked else (centre, angle)
+    draw_object(axis, *placed_outline(scenario.body, centre, angle), mark=mark)
 
 
 def _draw_sideways_pull(axis: Axes, frames: Frames, k: int, length: float) -> None:

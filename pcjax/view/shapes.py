@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import Any
 
@@ -69,10 +70,56 @@ def draw_object(
     colour: str = COLOURS[1],
     label: str | None = None,
     zorder: float = 4,
+    mark: tuple[Float[np.ndarray, "2"], float] | None = None,
 ) -> None:
-    """The object to scale, from `placed_outline`: one corner is a disc, two are a line."""
+    """The object to scale, from `placed_outline`: two corners that are not rounded are a line.
+
+    Arguments:
+        axis: where.
+        corners, rounding: of the object.
+        colour, label, zorder: of what is drawn.
+        mark: from where and at which angle, radians, a line to the outline shows how it lies.
+    """
     style: dict[str, Any] = {"color": colour, "label": label, "zorder": zorder}
+    if len(corners) == 2 and rounding == 0:
+        axis.plot(*corners.T, lw=3, solid_capstyle="round", **style)
+        return
     if len(corners) == 1:
         axis.add_patch(Disc((corners[0, 0], corners[0, 1]), rounding, alpha=0.7, **style))
     else:
-        axis.plot(*corners.T, lw=3, solid_capstyle="round", **style)
+        axis.add_patch(Polygon(rounded(corners, rounding), alpha=0.7, **style))
+    if mark is not None:
+        centre, angle = mark
+        way = np.array([math.cos(angle), math.sin(angle)])
+        ends = np.stack([centre, centre + way * _reach(rounded(corners, rounding), *mark)])
+        axis.plot(*ends.T, color="white", lw=1.5, zorder=zorder + 0.1)
+
+
+def rounded(
+    corners: Float[np.ndarray, "corners 2"], rounding: float
+) -> Float[np.ndarray, "points 2"]:
+    """The outline of a convex polygon inflated by a radius, counterclockwise as its corners are."""
+    if len(corners) == 1:
+        arc = np.linspace(0.0, 2 * math.pi, 100, endpoint=False)
+        return corners + rounding * np.stack([np.cos(arc), np.sin(arc)], axis=-1)
+    if rounding == 0:
+        return corners
+    edges = np.roll(corners, -1, axis=0) - corners
+    after = np.arctan2(edges[:, 1], edges[:, 0]) - math.pi / 2  # which way an edge looks out
+    before = np.roll(after, 1)
+    turn = (after - before + 1e-9) % (2 * math.pi)
+    arcs = before[:, None] + turn[:, None] * np.linspace(0.0, 1.0, 25)
+    out = rounding * np.stack([np.cos(arcs), np.sin(arcs)], axis=-1)
+    return (corners[:, None] + out).reshape(-1, 2)
+
+
+def _reach(
+    outline: Float[np.ndarray, "points 2"], centre: Float[np.ndarray, "2"], angle: float
+) -> float:
+    """How far a convex outline is from a point in it at an angle."""
+    way = np.array([math.cos(angle), math.sin(angle)])
+    edges = np.roll(outline, -1, axis=0) - outline
+    outwards = np.stack([edges[:, 1], -edges[:, 0]], axis=-1)
+    ahead = outwards @ way
+    far = ((outline - centre) * outwards).sum(axis=-1)
+    return float(np.min(far[ahead > 0] / ahead[ahead > 0]))

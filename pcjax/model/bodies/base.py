@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import equinox as eqx
 import numpy as np
@@ -51,6 +51,50 @@ class Shape(eqx.Module):
     radius: Scalar
 
 
+Orientation = Scalar | Literal["random"] | None
+"""An angle from the palm, radians, or "random", which is kept as None: uniform on the whole turn,
+drawn for each trial."""
+
+
+def _none_if_random(orientation: Orientation) -> Scalar | None:
+    if not isinstance(orientation, str):
+        return orientation
+    if orientation != "random":
+        raise ValueError(f"orientation is {orientation!r}: it has to be an angle or 'random'")
+    return None
+
+
+def orientation_field() -> Any:
+    """A body's angle from the palm at the start of a trial."""
+    return quantity(
+        "angle",
+        "its angle from the palm at the start (random: any, drawn for each trial)",
+        default=0.0,
+        converter=_none_if_random,
+        word="random",
+        key="orientation",
+        flag="orientation",
+    )
+
+
+def mass_field() -> Any:
+    """A body's mass."""
+    return quantity("mass", "M_o", default=1.0, low=0, above=True)
+
+
+def turns_field() -> Any:
+    """Whether a body turns."""
+    return quantity(
+        "1",
+        "whether it turns; no: a puck, whose moment of inertia is infinite",
+        default=True,
+        kind=bool,
+        static=True,
+        key="turns",
+        flag="turns",
+    )
+
+
 class Body(Component):
     """What an object tells about itself. How it moves is in `pcjax.physics.step.move_body`.
 
@@ -58,23 +102,26 @@ class Body(Component):
         radius: r_o of the circle in which it starts: that circle touches palm and first limb. Also
             the size that a step must not exceed, a length.
         width: the narrowest gap that it fits through, a length.
-        turns: whether its angle is part of the state. Its `orientation` is then the angle from the
-            palm at the start of a trial, radians.
+        oriented: whether it has an angle at the start of a trial, its `orientation`: from the palm,
+            radians; None where it is drawn for each trial.
+        turns: whether it can turn; else its moment of inertia is infinite.
         longest_step: the longest step, s, that accuracy allows whatever the speed.
         usual_max_steps: the limit in steps of 0.001 s unless one is given; None for the drive's.
-        noun: what messages call it, before its radius.
+        noun: what messages call it, before its `size_in_words`.
         convex: whether it is a rounded convex polygon and has `vertices`, `skin` and
             `per_gyration`, as `pcjax.model.bodies.convex.Convex` has them.
     """
 
-    turns: ClassVar[bool] = False
+    oriented: ClassVar[bool] = False
     longest_step: ClassVar[float] = math.inf
     usual_max_steps: ClassVar[int | None] = None
     noun: ClassVar[str] = "object of radius"
     convex: ClassVar[bool] = False
+    turns = True
 
     if TYPE_CHECKING:  # for a field or a property of the subclass
         radius: Scalar = eqx.field(init=False)
+        orientation: Orientation = eqx.field(init=False)
 
     @property
     def width(self) -> Scalar:
@@ -87,6 +134,14 @@ class Body(Component):
             return None
         body: Any = self
         return Shape(body.vertices, body.skin, body.per_gyration, body.radius)
+
+    def size_in_words(self) -> str:
+        """How large it is, after its noun."""
+        return f"{float(self.radius):.4g}"
+
+    def mirrored(self) -> Body:
+        """What is seen of it in a mirror along its own x axis."""
+        return self
 
     def outline(self) -> tuple[tuple[Vec, ...], Scalar]:
         """Its corners seen from its centre, in its own axes, and the radius by which they are
@@ -103,10 +158,10 @@ def placed_outline(
     Arguments:
         body: what.
         centre: where its centre is.
-        angle: of its axes, radians; its orientation at the start unless given.
+        angle: of its axes, radians; unless given, its orientation at the start, 0 if that is drawn.
     """
     if angle is None:
-        angle = float(getattr(body, "orientation", 0.0))
+        angle = float(getattr(body, "orientation", None) or 0.0)
     corners, rounding = body.outline()
     own = np.array([[float(corner.x), float(corner.y)] for corner in corners])
     c, s = math.cos(angle), math.sin(angle)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-from pcjax.components import quantity
 from pcjax.geometry import Scalar, Vec
-from pcjax.model.bodies.base import Body, register_body, size_field
+from pcjax.model.bodies.base import Body, mass_field, register_body, size_field, turns_field
 
 
 @register_body("circle")
@@ -16,6 +15,7 @@ class Circle(Body):
     Arguments:
         radius: r_o, a length.
         mass: M_o.
+        turns: whether it turns where there is friction: without, it never does.
 
     Raises:
         ValueError: a radius or mass that is not a positive number.
@@ -30,7 +30,8 @@ class Circle(Body):
     """
 
     radius: Scalar = size_field("radius r_o")
-    mass: Scalar = quantity("mass", "M_o", default=1.0, low=0, above=True)
+    mass: Scalar = mass_field()
+    turns: bool = turns_field()
 
     noun = "circle of radius"
     convex = True
@@ -53,5 +54,5 @@ class Circle(Body):
 
     @property
     def per_gyration(self) -> Scalar:
-        """1 over the radius of gyration, sqrt(2) / r_o."""
-        return math.sqrt(2.0) / self.radius
+        """1 over the radius of gyration, sqrt(2) / r_o; 0 if it does not turn."""
+        return (math.sqrt(2.0) if self.turns else 0.0) / self.radius

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
@@ -11,10 +12,17 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from pcjax.checks import check_count, check_positive
+from pcjax.checks import check_positive
 from pcjax.components import quantity
 from pcjax.geometry import Scalar, Vec, unit_and_length
-from pcjax.model.bodies.base import Body, register_body
+from pcjax.model.bodies.base import (
+    Body,
+    Orientation,
+    mass_field,
+    orientation_field,
+    register_body,
+    turns_field,
+)
 
 SKIN = 2e-4
 """Least share of a body's radius by which its polygon is rounded: wide enough that rounding errors
@@ -23,24 +31,15 @@ cannot hide on which side of a limb it is, and far thinner than anything else.""
 MOST_VERTICES = 16
 
 
-def _orientation() -> Any:
-    return quantity(
-        "angle",
-        "its angle from the palm at the start",
-        default=0.0,
-        key="orientation",
-        flag="orientation",
-    )
-
-
 def _rounding() -> Any:
     return quantity(
-        "length", "radius of its corners", default=0.0, low=0, key="rounding", flag="rounding"
+        "length",
+        "radius of its corners",
+        default=0.0,
+        low=0,
+        key="rounding",
+        flag="rounding",
     )
-
-
-def _mass() -> Any:
-    return quantity("mass", "M_o", default=1.0, low=0, above=True)
 
 
 class Convex(Body):
@@ -52,16 +51,16 @@ class Convex(Body):
     Attributes:
         rounding: the corners' radius, a length. It is taken as `SKIN` times the body's radius
             where it is less.
-        orientation: angle from the palm at the start of a trial, radians.
+        orientation: angle from the palm at the start of a trial, radians; None: drawn for each.
         mass: M_o; it cancels from the indices.
+        turns: whether it turns; if not, its moment of inertia counts as infinite.
     """
 
-    turns = True
+    oriented = True
     convex = True
 
     if TYPE_CHECKING:  # for fields or properties of the subclass
         rounding: Scalar = eqx.field(init=False)
-        orientation: Scalar = eqx.field(init=False)
         mass: Scalar = eqx.field(init=False)
 
     def core(self) -> tuple[Vec, ...]:
@@ -93,8 +92,8 @@ class Convex(Body):
 
     @property
     def per_gyration(self) -> Scalar:
-        """1 over the radius of gyration."""
-        return jnp.sqrt(self.mass / self.inertia)
+        """1 over the radius of gyration; 0 if it does not turn."""
+        return jnp.sqrt(self.mass / self.inertia) if self.turns else 0.0 * self.radius
 
     @property
     def width(self) -> Scalar:
@@ -223,8 +222,10 @@ class Polygon(Convex):
     Arguments:
         corners: the vertices (x, y), lengths, in either sense around; 1 to 16.
         rounding: by which the polygon is inflated.
-        orientation: angle from the palm at the start of a trial, radians.
+        orientation: angle from the palm at the start of a trial, radians; "random", kept as None:
+            any, drawn for each trial.
         mass: M_o.
+        turns: whether it turns, or is a puck that rubs.
 
     Raises:
         ValueError: an outline that is not convex, that crosses itself or has no area, a vertex
@@ -241,10 +242,11 @@ class Polygon(Convex):
         "length", "its vertices (x, y)", key="vertices", count=2, many=True, each="coordinate"
     )
     rounding: Scalar = _rounding()
-    orientation: Scalar = _orientation()
-    mass: Scalar = _mass()
+    orientation: Orientation = orientation_field()
+    mass: Scalar = mass_field()
+    turns: bool = turns_field()
 
-    noun = "polygon of radius"
+    noun = "polygon of"
 
     def __check_init__(self) -> None:
         check_convex(tuple(Vec(*corner) for corner in self.corners))
@@ -255,14 +257,24 @@ class Polygon(Convex):
         """The vertices, counterclockwise."""
         return check_convex(tuple(Vec(*corner) for corner in self.corners))
 
+    def size_in_words(self) -> str:
+        """How many vertices it has, and its radius."""
+        vertices = "1 vertex" if len(self.corners) == 1 else f"{len(self.corners)} vertices"
+        return f"{vertices} and radius {float(self.radius):.4g}"
+
+    def mirrored(self) -> Polygon:
+        """The polygon with every y turned to the other side."""
+        return replace(self, corners=tuple((x, -y) for x, y in self.corners))
+
 
 def _side(help: str, key: str, **more: Any) -> Any:
     return quantity("length", help, low=0, above=True, key=key, flag=key, **more)
 
 
-def _check_rounding(rounding: Scalar, half: Scalar, of: str) -> None:
-    if isinstance(rounding, (int, float)) and isinstance(half, (int, float)) and rounding >= half:
-        raise ValueError(f"rounding is {rounding:g}: it has to be less than half of {of}, {half:g}")
+def _check_below(name: str, value: Scalar, bound: Scalar, of: str) -> None:
+    """What has to be less than another length, where that is one."""
+    if isinstance(value, (int, float)) and isinstance(bound, (int, float)) and 0 < bound <= value:
+        raise ValueError(f"{name} is {value:g}: it has to be less than {of}, {bound:g}")
 
 
 @register_body("square")
@@ -272,8 +284,10 @@ class Square(Convex):
     Arguments:
         side: from side to side.
         rounding: its corners' radius, less than half of the side.
-        orientation: angle from the palm at the start of a trial, radians.
+        orientation: angle from the palm at the start of a trial, radians; "random", kept as None:
+            any, drawn for each trial.
         mass: M_o.
+        turns: whether it turns, or is a puck that rubs.
 
     Raises:
         ValueError: a number out of range.
@@ -287,20 +301,25 @@ class Square(Convex):
         600.0
     """
 
-    side: Scalar = _side("from side to side", "side")
+    side: Scalar = _side("of a square, from side to side", "side")
     rounding: Scalar = _rounding()
-    orientation: Scalar = _orientation()
-    mass: Scalar = _mass()
+    orientation: Orientation = orientation_field()
+    mass: Scalar = mass_field()
+    turns: bool = turns_field()
 
-    noun = "square of radius"
+    noun = "square of side"
 
     def __check_init__(self) -> None:
-        _check_rounding(self.rounding, self.side / 2, "the side")
+        _check_below("rounding", self.rounding, self.side / 2, "half of the side")
 
     def core(self) -> tuple[Vec, ...]:
         """Four vertices."""
         half = self.side / 2 - self.rounding
         return _box(half, half)
+
+    def size_in_words(self) -> str:
+        """Its side."""
+        return f"{float(self.side):.4g}"
 
 
 def _box(wide: Scalar, high: Scalar) -> tuple[Vec, ...]:
@@ -314,28 +333,40 @@ class Rectangle(Convex):
     Arguments:
         sides: along the palm at orientation 0, and square to it.
         rounding: its corners' radius, less than half of the shorter side.
-        orientation: angle from the palm at the start of a trial, radians.
+        orientation: angle from the palm at the start of a trial, radians; "random", kept as None:
+            any, drawn for each trial.
         mass: M_o.
+        turns: whether it turns, or is a puck that rubs.
 
     Raises:
         ValueError: a number out of range.
     """
 
-    sides: tuple[Scalar, Scalar] = _side("its sides", "sides", count=2, each="side")
+    sides: tuple[Scalar, Scalar] = _side(
+        "of a rectangle, along the palm at orientation 0, and square to it",
+        "sides",
+        count=2,
+        each="side",
+    )
     rounding: Scalar = _rounding()
-    orientation: Scalar = _orientation()
-    mass: Scalar = _mass()
+    orientation: Orientation = orientation_field()
+    mass: Scalar = mass_field()
+    turns: bool = turns_field()
 
-    noun = "rectangle of radius"
+    noun = "rectangle of"
 
     def __check_init__(self) -> None:
         for side in self.sides:
-            _check_rounding(self.rounding, side / 2, "each side")
+            _check_below("rounding", self.rounding, side / 2, "half of each side")
 
     def core(self) -> tuple[Vec, ...]:
         """Four vertices."""
         wide, high = (side / 2 - self.rounding for side in self.sides)
         return _box(wide, high)
+
+    def size_in_words(self) -> str:
+        """Its sides."""
+        return " by ".join(f"{float(side):.4g}" for side in self.sides)
 
 
 @register_body("capsule")
@@ -344,33 +375,40 @@ class Capsule(Convex):
 
     Arguments:
         length: from end to end, along the palm at orientation 0.
-        thickness: from side to side, less than the length.
-        orientation: angle from the palm at the start of a trial, radians.
+        diameter: from side to side, less than the length.
+        orientation: angle from the palm at the start of a trial, radians; "random", kept as None:
+            any, drawn for each trial.
         mass: M_o.
+        turns: whether it turns, or is a puck that rubs.
 
     Raises:
         ValueError: a number out of range.
     """
 
-    length: Scalar = _side("from end to end", "length")
-    thickness: Scalar = _side("from side to side", "diameter")
-    orientation: Scalar = _orientation()
-    mass: Scalar = _mass()
+    length: Scalar = _side("of a capsule, from end to end", "length")
+    diameter: Scalar = _side("of a capsule, from side to side", "diameter")
+    orientation: Orientation = orientation_field()
+    mass: Scalar = mass_field()
+    turns: bool = turns_field()
 
-    noun = "capsule of radius"
+    noun = "capsule of length"
 
     def __check_init__(self) -> None:
-        _check_rounding(self.thickness / 2, self.length / 2, "the length")
+        _check_below("diameter", self.diameter, self.length, "the length")
 
     @property
     def rounding(self) -> Scalar:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Half of the thickness."""
-        return self.thickness / 2
+        """Half of the diameter."""
+        return self.diameter / 2
 
     def core(self) -> tuple[Vec, ...]:
         """Two vertices."""
-        half, zero = (self.length - self.thickness) / 2, 0.0 * self.length
+        half, zero = (self.length - self.diameter) / 2, 0.0 * self.length
         return Vec(-half, zero), Vec(half, zero)
+
+    def size_in_words(self) -> str:
+        """From end to end, and from side to side."""
+        return f"{float(self.length):.4g} and diameter {float(self.diameter):.4g}"
 
 
 @register_body("regular")
@@ -381,28 +419,45 @@ class RegularPolygon(Convex):
         number: of vertices, 3 to 16.
         circumradius: from the centre to the sharp corners that rounding takes off.
         rounding: its corners' radius, less than that of the circle in it.
-        orientation: angle from the palm at the start of a trial, radians.
+        orientation: angle from the palm at the start of a trial, radians; "random", kept as None:
+            any, drawn for each trial.
         mass: M_o.
+        turns: whether it turns, or is a puck that rubs.
 
     Raises:
         ValueError: a number out of range.
     """
 
-    number: int = eqx.field(static=True)
-    circumradius: Scalar = _side("from the centre to the sharp corners", "circumradius")
+    number: int = quantity(
+        "1",
+        "of a regular polygon's vertices",
+        low=3,
+        high=MOST_VERTICES,
+        kind=int,
+        static=True,
+        key="number",
+        flag="number",
+    )
+    circumradius: Scalar = _side(
+        "of a regular polygon, from the centre to its sharp corners", "circumradius"
+    )
     rounding: Scalar = _rounding()
-    orientation: Scalar = _orientation()
-    mass: Scalar = _mass()
+    orientation: Orientation = orientation_field()
+    mass: Scalar = mass_field()
+    turns: bool = turns_field()
 
-    noun = "polygon of radius"
+    noun = "regular polygon of"
 
     def __check_init__(self) -> None:
-        check_count("number", self.number, 3, MOST_VERTICES)
-        inner = self.circumradius * math.cos(math.pi / self.number)
-        _check_rounding(self.rounding, inner, "the circle in it")
+        inner = self.circumradius * math.cos(math.pi / max(self.number, 3))
+        _check_below("rounding", self.rounding, inner, "the radius of the circle in it")
 
     def core(self) -> tuple[Vec, ...]:
         """Vertices on a circle."""
         radius = self.circumradius - self.rounding / math.cos(math.pi / self.number)
         angles = [2 * math.pi * k / self.number for k in range(self.number)]
         return tuple(Vec(radius * math.cos(a), radius * math.sin(a)) for a in angles)
+
+    def size_in_words(self) -> str:
+        """How many vertices it has, and how far they are from the centre."""
+        return f"{self.number} vertices and circumradius {float(self.circumradius):.4g}"

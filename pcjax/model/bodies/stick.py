@@ -4,9 +4,16 @@ from __future__ import annotations
 
 import math
 
-from pcjax.components import quantity
 from pcjax.geometry import Scalar, Scalars, Vec
-from pcjax.model.bodies.base import Body, register_body, size_field
+from pcjax.model.bodies.base import (
+    Body,
+    Orientation,
+    mass_field,
+    orientation_field,
+    register_body,
+    size_field,
+    turns_field,
+)
 
 SKIN = 2e-4
 """Share of a stick's half length at which it is held off the limbs (0.01 for the paper's stick).
@@ -22,8 +29,10 @@ class Stick(Body):
 
     Arguments:
         half_length: r_o.
-        orientation: angle from the palm at the start of a trial, radians; 0 is parallel to it.
+        orientation: angle from the palm at the start of a trial, radians; 0 is parallel to it;
+            "random", kept as None: any, drawn for each trial.
         mass: M_o; it cancels from the indices.
+        turns: whether it turns; if not, only the engine `convex` can run it.
 
     Raises:
         ValueError: a half length or mass that is not a positive number, or an orientation that is
@@ -37,16 +46,11 @@ class Stick(Body):
     """
 
     half_length: Scalar = size_field("half length r_o")
-    orientation: Scalar = quantity(
-        "angle",
-        "its angle from the palm at the start",
-        default=0.0,
-        key="orientation",
-        flag="orientation",
-    )
-    mass: Scalar = quantity("mass", "M_o", default=1.0, low=0, above=True)
+    orientation: Orientation = orientation_field()
+    mass: Scalar = mass_field()
+    turns: bool = turns_field()
 
-    turns = True
+    oriented = True
     longest_step = 0.01
     usual_max_steps = 180_000
     noun = "stick of half length"
@@ -74,8 +78,8 @@ class Stick(Body):
 
     @property
     def per_gyration(self) -> Scalar:
-        """1 over the radius of gyration, sqrt(3) / r_o."""
-        return math.sqrt(3.0) / self.half_length
+        """1 over the radius of gyration, sqrt(3) / r_o; 0 if it does not turn."""
+        return (math.sqrt(3.0) if self.turns else 0.0) / self.half_length
 
     @property
     def width(self) -> Scalar:
