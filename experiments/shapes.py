@@ -1,7 +1,7 @@
 """How the paper's hand holds things with a shape, and what friction does.
 
-Four parts, each kept in `results/shapes_PART.nc` when it is done, so that an interrupted run goes on
-where it was (`--again` runs all of them anew):
+Four parts, each kept in `results/shapes_PART.nc` when it is done, so that an interrupted run goes
+on where it was (`--again` runs all of them anew):
 
 - size: a square and a stick of several sizes, at theta_g = 10 deg;
 - orientation: the same by their angle at the start;

@@ -7,7 +7,7 @@ and the elementwise arithmetic of a whole step fuses into few loops.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax

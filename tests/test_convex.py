@@ -181,7 +181,7 @@ def test_least_pushes_pull_at_nothing_and_leave_nothing_out() -> None:
     need[rng.random((500, 4)) < 0.3] = NOT_NEEDED
 
     def one(rows: jax.Array, need: jax.Array) -> jax.Array:
-        cosines: Any = [[rows[a] @ rows[b] for b in range(4)] for a in range(4)]
+        cosines = {(a, b): rows[a] @ rows[b] for a in range(4) for b in range(a + 1, 4)}
         return jnp.stack(least_pushes(cosines, list(need), jnp.ones(())))
 
     with jax.enable_x64(True):

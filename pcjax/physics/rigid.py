@@ -11,7 +11,7 @@ out.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
@@ -158,7 +158,7 @@ def least_pushes(
     count = len(need)
     sets = [one for size in (1, 2, 3) for one in _orbits(count, size)]
 
-    def miss(case: Case, pushes: dict[int, Scalar]) -> Scalar:
+    def miss(case: Case, pushes: Mapping[int, Scalar]) -> Scalar:
         """The largest pull, or the most that one outside of the set lacks."""
         worst = 0.0 * case.need[0]
         for a in range(count):
@@ -210,15 +210,16 @@ class Case(eqx.Module):
     def rotated(self) -> Case:
         """With the next contact first."""
         count = len(self.need)
+        after = [*range(1, count), 0]
         cosines = {
-            (a, b): self.cosines[tuple(sorted(((a + 1) % count, (b + 1) % count)))]
+            (a, b): self.cosines[min(after[a], after[b]), max(after[a], after[b])]
             for a, b in self.cosines
         }
         exactly = None if self.exactly is None else _rotated(self.exactly)
         return Case(_rotated(self.need), cosines, exactly, self.score, _rotated(self.chosen))
 
 
-def _solved(case: Case, one: tuple[int, ...]) -> tuple[dict[int, Scalar], Any]:
+def _solved(case: Case, one: tuple[int, ...]) -> tuple[Mapping[int, Scalar], Any]:
     """The pushes that give a set of up to three contacts just what they need; and whether they are
     far enough from being in line."""
     need, cosines = case.need, case.cosines

@@ -222,9 +222,8 @@ def tumble_for(world: World, profile: Any, state: State, dt: Scalar) -> State:
     Differentiable in forward mode.
     """
     zero = 0.0 * state.position.x
-    begin = jnp.asarray(state.clock, zero.dtype) * dt + zero
-    # As `time / dt` is rounded, so are the intervals of a drive's legs.
-    end = (jnp.asarray(state.clock, zero.dtype) + 1.0) * dt + zero
+    clock = jnp.asarray(state.clock, jnp.result_type(zero))
+    begin, end = clock * dt + zero, (clock + 1.0) * dt + zero
     flight = Tumble(
         state.position,
         state.velocity,
