@@ -587,7 +587,7 @@ def test_completion_offers_commands_flags_and_choices(command: Command, tmp_path
     for words, offered in (
         (["pcjax", "ev"], "evaluate"),
         (["pcjax", "evaluate", "--fing"], "--fingertip-angle --fingertip-length"),
-        (["pcjax", "evaluate", "--engine", ""], "auto event stepping"),
+        (["pcjax", "evaluate", "--engine", ""], "auto event stepping convex"),
         (["pcjax", "figure", "9"], "9a 9b"),
         (["pcjax", "evaluate", "nothing"], ""),
     ):
@@ -597,7 +597,7 @@ def test_completion_offers_commands_flags_and_choices(command: Command, tmp_path
         assert done.stdout.strip() == offered
     zsh, fish = (command(f"completion {shell}").out for shell in ("zsh", "fish"))
     assert "bashcompinit" in zsh
-    assert "-n '__fish_seen_subcommand_from evaluate' -l body -r -a 'circle stick'" in fish
+    assert "-n '__fish_seen_subcommand_from evaluate' -l body -r -a 'circle stick polygon" in fish
 
 
 # ------------------------------------------------------------------------- map, animate, export

@@ -43,7 +43,7 @@ class Frames:
     Attributes:
         times: seconds since the trial began.
         position: the object's centre in the hand frame.
-        angle: a stick's angle from the palm, radians; None for a circle.
+        angle: the object's angle from the palm, radians; None where it has none.
         joints: the hand's origin in the world, preceded by the joints of the arm that carries it.
         turn: the angle by which the hand's axes are turned against the world's, radians.
         pull: gravity in the world's axes, as far as it acts in the plane of the hand.

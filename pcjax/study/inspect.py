@@ -80,7 +80,7 @@ class Inspection:
             f"hand     {limbs} limbs a finger, palm {float(study.hand.palm_length):.4g}, "
             f"{thick}{self.size[0]:.4g} wide and {self.size[1]:.4g} high",
             f"object   {body.noun} {body.size_in_words()}{_attitude(body)}; a gap of "
-            f"{self.width:.4g} lets it through",
+            f"{self.width:.4g} lets it through{_if_it_lies_well(body)}",
         ]
         for direction, view in self.views.items():
             name = f"{NAMES[direction]:8}"
@@ -133,6 +133,10 @@ def _attitude(body: Body) -> str:
         known = "any angle" if angle is None else f"{math.degrees(float(angle)):.4g} deg"
         words = f", at {known} to the palm"
     return words if body.turns else f"{words}, never turned"
+
+
+def _if_it_lies_well(body: Body) -> str:
+    return "" if body.turns or not body.oriented else " if it lies well"
 
 
 def inspect(study: Study) -> Inspection:

@@ -69,7 +69,10 @@ def change(
             f"the {registry.noun} {kind}"
             for registry in (BODIES, DRIVES)
             for kind, component in registry.items()
-            if any(name == what.file_key for what in quantities(component).values())
+            if any(
+                name == what.file_key and what.kind is not bool
+                for what in quantities(component).values()
+            )
         ]
         if elsewhere:
             where = ", ".join(elsewhere)

@@ -31,7 +31,8 @@ cannot hide on which side of a limb it is, and far thinner than anything else.""
 MOST_VERTICES = 16
 
 
-def _rounding() -> Any:
+def rounding_field() -> Any:
+    """The radius of a polygon's corners."""
     return quantity(
         "length",
         "radius of its corners",
@@ -194,8 +195,10 @@ def check_convex(core: tuple[Vec, ...]) -> tuple[Vec, ...]:
     area = np.sum(
         places[:, 0] * np.roll(places[:, 1], -1) - places[:, 1] * np.roll(places[:, 0], -1)
     )
-    if abs(area) < _SAME * size * size:
+    if (np.abs(turns) < _SAME * scale).all():
         raise ValueError("vertices: they lie on one line; two are enough for a rod")
+    if abs(area) < _SAME * size * size:
+        raise ValueError("vertices: the outline crosses itself")
     if area < 0:
         return check_convex(core[:1] + core[:0:-1])
     if (turns < -_SAME * scale).any():
@@ -241,7 +244,7 @@ class Polygon(Convex):
     corners: tuple[tuple[Scalar, Scalar], ...] = quantity(
         "length", "its vertices (x, y)", key="vertices", count=2, many=True, each="coordinate"
     )
-    rounding: Scalar = _rounding()
+    rounding: Scalar = rounding_field()
     orientation: Orientation = orientation_field()
     mass: Scalar = mass_field()
     turns: bool = turns_field()
@@ -302,7 +305,7 @@ class Square(Convex):
     """
 
     side: Scalar = _side("of a square, from side to side", "side")
-    rounding: Scalar = _rounding()
+    rounding: Scalar = rounding_field()
     orientation: Orientation = orientation_field()
     mass: Scalar = mass_field()
     turns: bool = turns_field()
@@ -348,7 +351,7 @@ class Rectangle(Convex):
         count=2,
         each="side",
     )
-    rounding: Scalar = _rounding()
+    rounding: Scalar = rounding_field()
     orientation: Orientation = orientation_field()
     mass: Scalar = mass_field()
     turns: bool = turns_field()
@@ -441,7 +444,7 @@ class RegularPolygon(Convex):
     circumradius: Scalar = _side(
         "of a regular polygon, from the centre to its sharp corners", "circumradius"
     )
-    rounding: Scalar = _rounding()
+    rounding: Scalar = rounding_field()
     orientation: Orientation = orientation_field()
     mass: Scalar = mass_field()
     turns: bool = turns_field()
