@@ -198,6 +198,9 @@ def tumble(
     wait = fence(jnp.where(closing | over, 0.0, wait), barrier)
 
     position, velocity, angle, spin = path.after(wait)
+    if law.friction is None:
+        share = jnp.where(any_of(loaded), _due(path, pull, per_gyration, wait), 1.0)
+        velocity, spin = velocity * share, spin * share
     passed = inside & (goal.beyond(position) >= 0) & goal.between(position)
     # Written so that NaN fails it too.
     finite = (position.dot(position) < jnp.inf) & (jnp.abs(spin) < jnp.inf)
@@ -280,6 +283,41 @@ def _seen_from_ground(flight: Tumble, leg: Leg) -> Tumble:
     return replace(flight, velocity=velocity, spin=flight.spin + twist.spin)
 
 
+def any_of(loaded: Sequence[Flag]) -> Flag:
+    """Whether any contact carries the body."""
+    some = loaded[0]
+    for on in loaded[1:]:
+        some = some | on
+    return some
+
+
+def gyration_of(per_gyration: Scalar) -> Scalar:
+    """The radius of gyration from 1 over it; 0 where nothing turns."""
+    turns = per_gyration > 0
+    return jnp.where(turns, 1.0 / jnp.where(turns, per_gyration, 1.0), 0.0)
+
+
+def _due(path: Path, pull: Vec, per_gyration: Scalar, wait: Scalar) -> Scalar:
+    """By what share of its speed a body has to move after a leap: contacts without friction do no
+    work, so that what it gains is the pull's work.
+
+    Accelerations that stay, where they should turn with the body, give it a little more or less.
+    """
+    gone = (path.velocity + path.acceleration * (0.5 * wait)) * wait
+    _, velocity, _, spin = path.after(wait)
+    gyration = gyration_of(per_gyration)
+
+    def twice(velocity: Vec, spin: Scalar) -> Scalar:
+        turning = spin * gyration
+        return velocity.dot(velocity) + turning * turning
+
+    due = twice(path.velocity, path.spin) + 2.0 * pull.dot(gone)
+    has = twice(velocity, spin)
+    moves = has > 0
+    # Within bounds, for where it all but stops.
+    return jnp.sqrt(jnp.where(moves, jnp.clip(due / jnp.where(moves, has, 1.0), 0.96, 1.04), 1.0))
+
+
 def _settled(
     law: ContactLaw,
     found: Contact,
@@ -307,9 +345,8 @@ def _settled(
     shift = rows.settle(
         Rate(nowhere, nowhere, nowhere), least_pushes(rows.cosines, lacks, barrier), barrier
     )
-    turns = per_gyration > 0
-    gyration = jnp.where(turns, 1.0 / jnp.where(turns, per_gyration, 1.0), 0.0)
-    moving = Rate(flight.velocity.x, flight.velocity.y, flight.spin * gyration)
+    turning = flight.spin * gyration_of(per_gyration)
+    moving = Rate(flight.velocity.x, flight.velocity.y, turning)
     moving, closing = _meet(law, rows, touches, moving, barrier)
     free, longest = _free(law, flight.position, touches, moving, leg, left, gyration, margins)
     free = Rate(*fence_all(tuple(free), barrier))
@@ -564,12 +601,9 @@ def _while_kept(
     """Seconds, at most `longest`, for which the contacts that carry the body stay what they are."""
     near = margins.near
     size = outline.reach + skin
-    carried = jnp.asarray(False)
-    for on in loaded:
-        carried = carried | on
     turn = jnp.minimum(LARGEST_TURN, jnp.cbrt(6.0 * near / size)) * size / outline_or_one(outline)
     turned = first_root(turn, -jnp.abs(path.spin), -jnp.abs(path.twist))
-    longest = fence(jnp.where(carried, jnp.minimum(longest, turned), longest), barrier)
+    longest = fence(jnp.where(any_of(loaded), jnp.minimum(longest, turned), longest), barrier)
     ahead = jnp.minimum(longest, 1.0)
     twist = jnp.abs(path.twist)
     spin = jnp.abs(path.spin) + twist * ahead
