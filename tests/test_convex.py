@@ -255,7 +255,7 @@ def test_a_block_tips_about_its_leading_corner_as_the_pull_leaves_its_base() -> 
 
     true = solve_ivp(hinged, (0, 3), (0, 0), rtol=1e-9, atol=1e-9).y[:, -1]
     tips = slid(block, (12.0, -10.0), 2.0)
-    np.testing.assert_allclose([float(tips.angle), float(tips.spin)], true, rtol=1e-2)
+    np.testing.assert_allclose([float(tips.angle), float(tips.spin)], true, rtol=2e-2)
 
 
 def test_drag_brakes_as_an_exponential() -> None:

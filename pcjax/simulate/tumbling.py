@@ -78,7 +78,7 @@ CONTACTS = 4
 IMPACTS = 3
 """Impacts of a leap. Where more follow each other, the leap ends where it began."""
 
-LARGEST_TURN = 0.01
+LARGEST_TURN = 0.004
 """Largest turn, radians, of a leap on a contact that carries the body."""
 
 LARGEST_BRAKE = 0.02
@@ -136,6 +136,24 @@ class Path(eqx.Module):
         return position, velocity, angle, self.spin + self.twist * wait
 
 
+class Settled(eqx.Module):
+    """What the contacts have done at a leap's start.
+
+    Attributes:
+        path: the motion from then on.
+        free: the acceleration without them.
+        loaded: which of them carry the body.
+        closing: whether there are impacts left to be met.
+        steady: for how many seconds those that slip do so, and drag is what it is.
+    """
+
+    path: Path
+    free: Rate
+    loaded: list[Flag]
+    closing: Flag
+    steady: Scalar
+
+
 class Margins(eqx.Module):
     """What rounding may hide: a distance and a speed; and below which speed a limb keeps a body."""
 
@@ -176,12 +194,10 @@ def tumble(
     outline = Outline.of(shape.vertices, cosine, sine, barrier)
     found = nearest_contacts(CONTACTS, world.limbs, outline, flight.position, skin, half, barrier)
     left = fence(change - flight.time, barrier)
-    path, loaded, closing, steady = _settled(
-        law, found, flight, leg, left, per_gyration, margins, barrier
-    )
-    longest = _while_kept(
-        jnp.minimum(left, steady), found, loaded, outline, skin, half, path, margins, barrier
-    )
+    settled = _settled(law, found, flight, leg, left, per_gyration, margins, barrier)
+    path, loaded = settled.path, settled.loaded
+    longest = jnp.minimum(left, settled.steady)
+    longest = _while_kept(longest, found, loaded, outline, skin, half, path, margins, barrier)
     wait, apart = _while_apart(longest, world, outline, rounding, path, margins, barrier)
     goal = world.goal
     line = goal.beyond(path.position)
@@ -195,11 +211,11 @@ def tumble(
     inside = goal.beyond(flight.position) < margins.near
     # Being put back to touching may have taken it across.
     over = inside & (line >= 0) & goal.between(path.position)
-    wait = fence(jnp.where(closing | over, 0.0, wait), barrier)
+    wait = fence(jnp.where(settled.closing | over, 0.0, wait), barrier)
 
     position, velocity, angle, spin = path.after(wait)
     if law.friction is None:
-        share = jnp.where(any_of(loaded), _due(path, pull, per_gyration, wait), 1.0)
+        share = jnp.where(any_of(loaded), _due(path, settled.free, per_gyration, wait), 1.0)
         velocity, spin = velocity * share, spin * share
     passed = inside & (goal.beyond(position) >= 0) & goal.between(position)
     # Written so that NaN fails it too.
@@ -297,9 +313,9 @@ def gyration_of(per_gyration: Scalar) -> Scalar:
     return jnp.where(turns, 1.0 / jnp.where(turns, per_gyration, 1.0), 0.0)
 
 
-def _due(path: Path, pull: Vec, per_gyration: Scalar, wait: Scalar) -> Scalar:
+def _due(path: Path, free: Rate, per_gyration: Scalar, wait: Scalar) -> Scalar:
     """By what share of its speed a body has to move after a leap: contacts without friction do no
-    work, so that what it gains is the pull's work.
+    work, so that what it gains is the work of what else pulls at it.
 
     Accelerations that stay, where they should turn with the body, give it a little more or less.
     """
@@ -311,7 +327,9 @@ def _due(path: Path, pull: Vec, per_gyration: Scalar, wait: Scalar) -> Scalar:
         turning = spin * gyration
         return velocity.dot(velocity) + turning * turning
 
-    due = twice(path.velocity, path.spin) + 2.0 * pull.dot(gone)
+    turned = (path.spin + 0.5 * path.twist * wait) * wait * gyration
+    work = free.x * gone.x + free.y * gone.y + free.turn * turned
+    due = twice(path.velocity, path.spin) + 2.0 * work
     has = twice(velocity, spin)
     moves = has > 0
     # Within bounds, for where it all but stops.
@@ -327,13 +345,8 @@ def _settled(
     per_gyration: Scalar,
     margins: Margins,
     barrier: Scalar,
-) -> tuple[Path, list[Flag], Flag, Scalar]:
-    """What the contacts do at a leap's start: out of what the body has come into, impacts, forces.
-
-    Returns:
-        The motion from then on; which contacts carry the body; whether there are impacts left to be
-        met; and for how many seconds those that slip do so.
-    """
+) -> Settled:
+    """What the contacts do at a leap's start: impacts, forces, and back to touching."""
     rows = Rows.of(found, CONTACTS, per_gyration, barrier)
     gaps = [fence(gap, barrier) for gap in unstacked(found.gap, CONTACTS)]
     touches = [decided(gap <= margins.near, barrier) for gap in gaps]
@@ -341,11 +354,8 @@ def _settled(
         jnp.where(on, -gap / normal.size, NOT_NEEDED)
         for on, gap, normal in zip(touches, gaps, rows.normals, strict=True)
     ]
-    nowhere = 0.0 * flight.time
-    shift = rows.settle(
-        Rate(nowhere, nowhere, nowhere), least_pushes(rows.cosines, lacks, barrier), barrier
-    )
-    turning = flight.spin * gyration_of(per_gyration)
+    gyration = gyration_of(per_gyration)
+    turning = flight.spin * gyration
     moving = Rate(flight.velocity.x, flight.velocity.y, turning)
     moving, closing = _meet(law, rows, touches, moving, barrier)
     free, longest = _free(law, flight.position, touches, moving, leg, left, gyration, margins)
@@ -354,6 +364,13 @@ def _settled(
         law, found, rows, touches, moving, free, per_gyration, margins, barrier
     )
     steady = fence(jnp.minimum(steady, longest), barrier)
+    # Those that carry the body touch it, so that drift does not add up until they let go of it.
+    nowhere = 0.0 * flight.time
+    shift = rows.settle(
+        Rate(nowhere, nowhere, nowhere),
+        least_pushes(rows.cosines, lacks, barrier, exactly=loaded),
+        barrier,
+    )
     path = Path(
         flight.position + Vec(shift.x, shift.y),
         Vec(moving.x, moving.y),
@@ -362,7 +379,7 @@ def _settled(
         moving.turn * per_gyration,
         acceleration.turn * per_gyration,
     )
-    return fence_all(path, barrier), loaded, closing, steady
+    return Settled(fence_all(path, barrier), free, loaded, closing, steady)
 
 
 def _meet(
