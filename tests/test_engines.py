@@ -16,6 +16,7 @@ from pcjax.model.scenario import Scenario
 from pcjax.physics.contact.table import CONTACTS
 from pcjax.physics.state import PASSED
 from pcjax.simulate.choose import choose_engine, engine_for, engine_names
+from pcjax.simulate.convex import ConvexLeaps
 from pcjax.simulate.engine import ENGINES, How
 from pcjax.simulate.event import EventDriven
 from pcjax.simulate.outcomes import LIMIT, Outcomes
@@ -24,6 +25,7 @@ from tests.shown import keep_registered
 
 HAND = pcjax.box_hand()
 CIRCLE, STICK = pcjax.does(HAND, pcjax.Circle(25.0)), pcjax.does(HAND, pcjax.Stick(25.0))
+SMOOTHED = pcjax.does(HAND, pcjax.Stick(25.0), law=pcjax.ContactLaw(smoothing=1.0))
 
 
 class Clock(pcjax.Engine):
@@ -38,7 +40,7 @@ class Clock(pcjax.Engine):
 
     @classmethod
     def obstacle(cls, scenario: Scenario) -> str | None:
-        return "it has no hands for what turns" if scenario.body.turns else None
+        return "it has no hands for what turns" if scenario.body.oriented else None
 
     def processor_seconds(self, scenario: Scenario, max_steps: int) -> float:
         return 3600.0
@@ -67,7 +69,8 @@ def test_each_of_the_package_says_what_it_is_and_auto_goes_by_preference() -> No
     assert type(choose_engine("auto", None, CIRCLE)) is EventDriven
     ENGINES.register("favourite")(Favourite)
     assert type(choose_engine("auto", None, CIRCLE)) is Favourite
-    assert choose_engine("auto", None, STICK) == Stepping(0.01)
+    assert type(choose_engine("auto", None, STICK)) is ConvexLeaps
+    assert choose_engine("auto", None, SMOOTHED) == Stepping(0.01)
     assert choose_engine("auto", 0.02, CIRCLE) == Stepping(0.02)
     assert type(engine_for([CIRCLE], None, EventDriven)) is EventDriven
 
@@ -77,12 +80,12 @@ def test_a_subclass_is_not_taken_of_its_own_accord() -> None:
         pass
 
     ENGINES.register("finer")(Finer)
-    assert type(choose_engine("auto", None, STICK)) is Stepping
+    assert type(choose_engine("auto", None, SMOOTHED)) is Stepping
     assert choose_engine("finer", None, STICK).name == "finer"
 
 
 def test_what_an_engine_cannot_run_is_said_with_one_that_can() -> None:
-    with pytest.raises(ValueError, match=r"the clock cannot run this: it has .*'stepping'"):
+    with pytest.raises(ValueError, match=r"the clock cannot run this: it has .*'convex'"):
         choose_engine("clock", None, STICK)
     with pytest.raises(ValueError, match="dt does not go with the clock: it takes no steps"):
         choose_engine(Clock(), 0.01, CIRCLE)
