@@ -114,7 +114,7 @@ class Rows(eqx.Module):
         return Rate(*fence_all(tuple(moving.plus_all(rows, pushes)), barrier))
 
 
-Pairs = dict[tuple[int, int], Scalar]
+Pairs = Mapping[tuple[int, int], Scalar]
 """A symmetric table without its diagonal: a number for each pair (a, b), a < b."""
 
 
