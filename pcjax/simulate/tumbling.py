@@ -78,7 +78,7 @@ CONTACTS = 4
 IMPACTS = 3
 """Impacts of a leap. Where more follow each other, the leap ends where it began."""
 
-LARGEST_TURN = 0.004
+LARGEST_TURN = 0.01
 """Largest turn, radians, of a leap on a contact that carries the body."""
 
 LARGEST_BRAKE = 0.02
