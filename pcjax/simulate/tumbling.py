@@ -108,6 +108,7 @@ class Path(eqx.Module):
     Attributes:
         position, velocity, acceleration: of the centre.
         angle, spin, twist: angle, its rate, and the rate of that.
+        working: what of the accelerations does work: the pull, and friction where it slips.
     """
 
     position: Vec
@@ -116,6 +117,7 @@ class Path(eqx.Module):
     angle: Scalar
     spin: Scalar
     twist: Scalar
+    working: Rate
 
     def after(self, wait: Scalar) -> tuple[Vec, Vec, Scalar, Scalar]:
         """Position, velocity, angle within half a turn, and spin, so many seconds later."""
@@ -179,9 +181,8 @@ def tumble(world: World, profile: Any, interval: Scalar, flight: Tumble) -> Tumb
     wait = fence(jnp.where(closing | over, 0.0, wait), barrier)
 
     position, velocity, angle, spin = path.after(wait)
-    if law.friction is None:
-        share = jnp.where(any_of(loaded), _due(path, pull, per_gyration, wait), 1.0)
-        velocity, spin = velocity * share, spin * share
+    share = jnp.where(any_of(loaded), _due(path, per_gyration, wait), 1.0)
+    velocity, spin = velocity * share, spin * share
     passed = inside & (goal.beyond(position) >= 0) & goal.between(position)
     # Written so that NaN fails it too.
     finite = (position.dot(position) < jnp.inf) & (jnp.abs(spin) < jnp.inf)
@@ -209,22 +210,23 @@ def gyration_of(per_gyration: Scalar) -> Scalar:
     return jnp.where(turns, 1.0 / jnp.where(turns, per_gyration, 1.0), 0.0)
 
 
-def _due(path: Path, pull: Vec, per_gyration: Scalar, wait: Scalar) -> Scalar:
-    """By what share of its speed a body has to move after a leap: contacts without friction do no
-    work, so that what it gains is the pull's work.
+def _due(path: Path, per_gyration: Scalar, wait: Scalar) -> Scalar:
+    """By what share of its speed a body has to move after a leap, so that it gains what is done in
+    work: contacts that do not slip do none.
 
     Accelerations that stay, where they should turn with the body, give it a little more or less.
     """
-    gone = (path.velocity + path.acceleration * (0.5 * wait)) * wait
     _, velocity, _, spin = path.after(wait)
     gyration = gyration_of(per_gyration)
+    gone = (path.velocity + path.acceleration * (0.5 * wait)) * wait
+    turned = (path.spin + 0.5 * path.twist * wait) * wait
 
     def twice(velocity: Vec, spin: Scalar) -> Scalar:
         turning = spin * gyration
         return velocity.dot(velocity) + turning * turning
 
-    due = twice(path.velocity, path.spin) + 2.0 * pull.dot(gone)
-    has = twice(velocity, spin)
+    work = path.working.dot(Rate(gone.x, gone.y, turned * gyration))
+    has, due = twice(velocity, spin), twice(path.velocity, path.spin) + 2.0 * work
     moves = has > 0
     # Within bounds, for where it all but stops.
     return jnp.sqrt(jnp.where(moves, jnp.clip(due / jnp.where(moves, has, 1.0), 0.96, 1.04), 1.0))
@@ -258,7 +260,7 @@ def _settled(
     turning = flight.spin * gyration_of(per_gyration)
     moving = Rate(flight.velocity.x, flight.velocity.y, turning)
     moving, closing = _meet(law, rows, touches, moving, barrier)
-    moving, acceleration, loaded, steady = _carried(
+    moving, acceleration, working, loaded, steady = _carried(
         law, found, rows, touches, moving, pull, per_gyration, margins, barrier
     )
     path = Path(
@@ -268,6 +270,7 @@ def _settled(
         flight.angle + shift.turn * per_gyration,
         moving.turn * per_gyration,
         acceleration.turn * per_gyration,
+        working,
     )
     return fence_all(path, barrier), loaded, closing, steady
 
@@ -348,12 +351,12 @@ def _carried(
     per_gyration: Scalar,
     margins: Margins,
     barrier: Scalar,
-) -> tuple[Rate, Rate, list[Flag], Scalar]:
+) -> tuple[Rate, Rate, Rate, list[Flag], Scalar]:
     """The forces of the contacts that carry the body.
 
     Returns:
-        Velocity and acceleration with them, which contacts these are, and for how many seconds
-        those that slip do so.
+        Velocity and acceleration with them, what of this does work, which contacts these are, and
+        for how many seconds those that slip do so.
     """
     free = Rate(pull.x, pull.y, 0.0 * pull.x)
     spin = fence(moving.turn * per_gyration, barrier)
@@ -382,7 +385,7 @@ def _carried(
     if law.friction is None:
         pushes = least_pushes(rows.cosines, needs, barrier)
         loaded = [decided(push > 0, barrier) for push in pushes]
-        return kept(moving, loaded), rows.settle(free, pushes, barrier), loaded, NEVER
+        return kept(moving, loaded), rows.settle(free, pushes, barrier), free, loaded, NEVER
 
     ratio = [
         fence(law.friction * tangent.size / normal.size, barrier)
@@ -413,7 +416,10 @@ def _carried(
             moving = Rate(*fence_all(tuple(moving), barrier))
         moving = kept(moving, loaded)
     acceleration = rows.settle(free, pushes, barrier)
-    acceleration = acceleration.plus_all([tangent.row for tangent in rows.tangents], rubs)
+    along_tangents = [tangent.row for tangent in rows.tangents]
+    acceleration = acceleration.plus_all(along_tangents, rubs)
+    slipping = [jnp.where(stick, 0.0, rub) for stick, rub in zip(sticks, rubs, strict=True)]
+    working = free.plus_all(along_tangents, slipping)
     still = jnp.maximum(jnp.maximum(jnp.abs(moving.x), jnp.abs(moving.y)), jnp.abs(moving.turn))
     strength = unit_and_length(pull)[1] + 1e-9
     rests = (still < margins.slow) & at_rest_under(rows, stays, ratio, free, strength)
@@ -429,7 +435,7 @@ def _carried(
         brakes = on & ~stick & (slip * change < 0)
         stop = jnp.abs(slip) / jnp.where(brakes, jnp.abs(change), 1.0)
         steady = jnp.where(brakes, jnp.minimum(steady, stop), steady)
-    return moving, acceleration, loaded, fence(steady, barrier)
+    return moving, acceleration, working, loaded, fence(steady, barrier)
 
 
 def _while_kept(
