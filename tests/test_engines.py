@@ -38,7 +38,7 @@ class Clock(pcjax.Engine):
 
     @classmethod
     def obstacle(cls, scenario: Scenario) -> str | None:
-        return "it has no hands for what turns" if scenario.body.turns else None
+        return "it has no hands for what turns" if scenario.body.oriented else None
 
     def processor_seconds(self, scenario: Scenario, max_steps: int) -> float:
         return 3600.0
