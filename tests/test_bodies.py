@@ -16,7 +16,9 @@ from matplotlib.patches import Polygon
 
 import pcjax
 from pcjax.cli import main
+from pcjax.geometry import Vec
 from pcjax.model.bodies.base import placed_outline
+from pcjax.model.bodies.convex import Convex
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import PASSED, State
 from pcjax.physics.step import begin
@@ -180,7 +182,7 @@ def test_what_is_wrong_with_a_body_is_said_in_a_line(
             'kind = "polygon"\nvertices = [[0, 0], [9, 9], [9, 0], [0, 9]]',
             "the outline crosses itself",
         ),
-        ('kind = "polygon"\nvertices = [[0, 0], [9, 0], [9, 0], [0, 9]]', "2 and 3 are the same"),
+        ('kind = "polygon"\nvertices = [[0, 0], [9, 0], [9, 0], [0, 9]]', "two are the same"),
         ('kind = "polygon"\nvertices = [[0, 0], [9, 0], [18, 0]]', "they lie on one line"),
     ],
 )
@@ -208,6 +210,25 @@ def test_words_and_whole_numbers_come_back_and_flags_win(
     assert "turns" not in pcjax.Study(HAND, pcjax.Circle(5.0)).to_toml()
 
 
+def test_a_polygon_is_the_same_in_either_sense() -> None:
+    """In a compiled program, too, where nothing can be turned around any more."""
+    clockwise = pcjax.Polygon((WEDGE[0], WEDGE[2], WEDGE[1]), 2.0)
+    assert clockwise == pcjax.Polygon(WEDGE, 2.0)
+    inside = jax.jit(lambda body: body.vertices)(clockwise)
+    outside = clockwise.vertices
+    np.testing.assert_allclose(jax.tree.leaves(inside), jax.tree.leaves(outside), rtol=1e-5)
+
+    class Clockwise(Convex):
+        side: Any = 3.0
+        rounding = 0.0
+
+        def core(self) -> tuple[Vec, ...]:
+            return Vec(0.0, 0.0), Vec(0.0, self.side), Vec(self.side, 0.0)
+
+    with pytest.raises(ValueError, match="the core goes clockwise"):
+        Clockwise()
+
+
 # ------------------------------------------------------------------------------ seen from outside
 
 
@@ -215,7 +236,7 @@ def test_what_differs_from_its_image_is_mirrored_for_entering() -> None:
     wedge = pcjax.Polygon(WEDGE, 2.0, 0.4)
     assert pcjax.does(HAND, wedge).body == wedge
     image: Any = pcjax.eoen(HAND, wedge).body
-    assert image.corners == ((0.0, 0.0), (60.0, 0.0), (0.0, -80.0))
+    assert image.corners == ((0.0, -80.0), (60.0, 0.0), (0.0, 0.0))
     assert (image.orientation, image.rounding) == (0.4, 2.0)
     assert float(image.width) == pytest.approx(float(wedge.width))
     assert float(image.inertia) == pytest.approx(float(wedge.inertia), rel=1e-5)

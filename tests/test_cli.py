@@ -906,7 +906,7 @@ BAD_OPTIMIZE = [
     refused("optimize --method grid --grid-points 0", "grid points", "0"),
     refused("optimize --method grid --grid-points 1000", "grid", "100000"),
     refused("optimize --estimator adjoint", "adjoint", "factorial"),
-    refused("optimize --form cloud --body stick", "cloud", "stick"),
+    refused("optimize --form cloud --body stick", "cloud", "horizon"),
     refused("optimize --iterations 0", "iterations", "0"),
     refused("optimize --starts 0", "starts", "0"),
     refused("optimize --trials 1", "trials", "1"),

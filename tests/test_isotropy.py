@@ -74,7 +74,7 @@ def test_turned_axes_give_the_turned_motion(
     scenario: Scenario, pull: tuple[float, float], velocity: tuple[float, float]
 ) -> None:
     world = scenario.world()
-    turn, spin = (TURN, 0.7) if scenario.body.turns else (0.0, 0.0)
+    turn, spin = (TURN, 0.7) if scenario.body.oriented else (0.0, 0.0)
     place, speed, felt = (
         Vec(jnp.asarray(x), jnp.asarray(y)) for x, y in ((11.0, 75.0), velocity, pull)
     )

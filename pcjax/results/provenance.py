@@ -19,12 +19,14 @@ def parameters(scenario: Scenario) -> dict[str, float]:
     leaves, _ = jax.tree_util.tree_flatten_with_path(scenario)
     numbers = {jax.tree_util.keystr(path).lstrip("."): float(leaf) for path, leaf in leaves}
     parts: dict[str, Any] = {"drive": scenario.drive, "body": scenario.body}
-    return numbers | {
+    fixed = {
         f"{part}.{f.name}": getattr(thing, f.name)
         for part, thing in parts.items()
         for f in dataclasses.fields(thing)
         if f.metadata.get("static")
     }
+    # That a body turns, as any does unless it is said, is no number.
+    return numbers | {name: value for name, value in fixed.items() if value is not True}
 
 
 def conditions(scenarios: Mapping[str, Scenario] | Sequence[Scenario]) -> dict[str, str]:

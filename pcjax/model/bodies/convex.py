@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,8 @@ SKIN = 2e-4
 cannot hide on which side of a limb it is, and far thinner than anything else."""
 
 MOST_VERTICES = 16
+
+Corners = tuple[tuple[Scalar, Scalar], ...]
 
 
 def rounding_field() -> Any:
@@ -63,6 +66,13 @@ class Convex(Body):
     if TYPE_CHECKING:  # for fields or properties of the subclass
         rounding: Scalar = eqx.field(init=False)
         mass: Scalar = eqx.field(init=False)
+
+    def __check_init__(self) -> None:
+        super().__check_init__()  # what is out of range is said first
+        core = self.core()
+        check_convex(core)
+        if len(core) == 1:
+            check_positive("rounding of a single vertex", self.rounding)
 
     def core(self) -> tuple[Vec, ...]:
         """The polygon's vertices, counterclockwise, in axes of the body's own."""
@@ -166,52 +176,67 @@ def least_width(core: tuple[Vec, ...]) -> Scalar:
     return width
 
 
-def check_convex(core: tuple[Vec, ...]) -> tuple[Vec, ...]:
-    """The polygon counterclockwise, for plain numbers; traced ones are taken as they are.
+def check_convex(core: tuple[Vec, ...]) -> None:
+    """Checks the vertices of a polygon, for plain numbers; others are taken as they are.
 
     Raises:
-        ValueError: too many vertices, two that are the same, or an outline that is not convex.
+        ValueError: too many vertices, two that are the same, or an outline that is not convex, or
+            clockwise.
     """
     if not 1 <= len(core) <= MOST_VERTICES:
         raise ValueError(f"vertices: there are {len(core)}, and 1 to {MOST_VERTICES} are allowed")
-    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(core)):
-        return core
+    if not _is_plain(core):
+        return
     places = np.array([[float(vertex.x), float(vertex.y)] for vertex in core])
     if not np.isfinite(places).all():
         raise ValueError("vertices: every one has to be two finite numbers")
     size = max(float(np.ptp(places, axis=0).max()), 1e-300)
     for k, place in enumerate(places):
-        for other in range(k):
-            if np.abs(place - places[other]).max() < _SAME * size:
-                raise ValueError(
-                    f"vertices {other + 1} and {k + 1} are the same, ({place[0]:g}, {place[1]:g})"
-                )
+        if (np.abs(place - places[:k]).max(axis=1) < _SAME * size).any():
+            raise ValueError(f"vertices: two are the same, ({place[0]:g}, {place[1]:g})")
     if len(core) < 3:
-        return core
+        return
     edges = np.roll(places, -1, axis=0) - places
     ahead = np.roll(edges, -1, axis=0)
     turns = edges[:, 0] * ahead[:, 1] - edges[:, 1] * ahead[:, 0]
     scale = np.hypot(*edges.T) * np.hypot(*ahead.T)
-    area = np.sum(
-        places[:, 0] * np.roll(places[:, 1], -1) - places[:, 1] * np.roll(places[:, 0], -1)
-    )
+    area = _twice_area(places.tolist())
     if (np.abs(turns) < _SAME * scale).all():
         raise ValueError("vertices: they lie on one line; two are enough for a rod")
     if abs(area) < _SAME * size * size:
         raise ValueError("vertices: the outline crosses itself")
     if area < 0:
-        return check_convex(core[:1] + core[:0:-1])
+        raise ValueError("vertices: the core goes clockwise; it has to go counterclockwise")
     if (turns < -_SAME * scale).any():
-        bad = (int(np.argmin(turns)) + 1) % len(core) + 1
+        x, y = np.roll(places, -1, axis=0)[np.argmin(turns)]
         raise ValueError(
-            f"vertices: the outline is not convex at vertex {bad}; only convex bodies can be run"
+            f"vertices: the outline is not convex at ({x:g}, {y:g}); only convex bodies can be run"
         )
     angles = np.arctan2(turns, np.sum(edges * ahead, axis=1))
     if angles.sum() > 2 * math.pi + 1e-6:
         raise ValueError(
             "vertices: the outline winds more than once around, so that it crosses itself"
         )
-    return core
+
+
+def _is_plain(numbers: Any) -> bool:
+    """Whether all are single numbers, not traced."""
+    leaves = jax.tree.leaves(numbers)
+    return not any(isinstance(leaf, Tracer) or np.ndim(leaf) for leaf in leaves)
+
+
+def _twice_area(places: Sequence[Any]) -> float:
+    """Of a polygon; negative if it goes clockwise."""
+    after = [*places[1:], *places[:1]]
+    return sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(places, after, strict=True))
+
+
+def _counterclockwise(corners: Corners) -> Corners:
+    """The same polygon counterclockwise; vertices that are no plain numbers are as they were."""
+    pairs = all(len(corner) == 2 for corner in corners)
+    if pairs and _is_plain(corners) and _twice_area(corners) < 0:
+        return (*corners[:1], *corners[:0:-1])
+    return corners
 
 
 _SAME = 1e-6
@@ -241,8 +266,14 @@ class Polygon(Convex):
         48.0
     """
 
-    corners: tuple[tuple[Scalar, Scalar], ...] = quantity(
-        "length", "its vertices (x, y)", key="vertices", count=2, many=True, each="coordinate"
+    corners: Corners = quantity(
+        "length",
+        "its vertices (x, y)",
+        converter=_counterclockwise,
+        key="vertices",
+        count=2,
+        many=True,
+        each="coordinate",
     )
     rounding: Scalar = rounding_field()
     orientation: Orientation = orientation_field()
@@ -251,14 +282,9 @@ class Polygon(Convex):
 
     noun = "polygon of"
 
-    def __check_init__(self) -> None:
-        check_convex(tuple(Vec(*corner) for corner in self.corners))
-        if len(self.corners) == 1:
-            check_positive("rounding of a single vertex", self.rounding)
-
     def core(self) -> tuple[Vec, ...]:
         """The vertices, counterclockwise."""
-        return check_convex(tuple(Vec(*corner) for corner in self.corners))
+        return tuple(Vec(*corner) for corner in self.corners)
 
     def size_in_words(self) -> str:
         """How many vertices it has, and its radius."""
@@ -267,7 +293,7 @@ class Polygon(Convex):
 
     def mirrored(self) -> Polygon:
         """The polygon with every y turned to the other side."""
-        return replace(self, corners=tuple((x, -y) for x, y in self.corners))
+        return replace(self, corners=tuple((x, -y) for x, y in reversed(self.corners)))
 
 
 def _side(help: str, key: str, **more: Any) -> Any:
