@@ -719,12 +719,16 @@ def _while_apart(
     ) -> tuple[tuple[Scalar, Scalar], None]:
         limb, start, end = one
         # Against the line that is square to the shortest way from limb to polygon.
-        offset, least = Vec(0.0, 0.0), NEVER
+        beyond, across, least = 0.0, 0.0, NEVER
         for arm in outline.arms:
-            _, beyond, across = offset_from(limb, position + arm)
-            here = left_of(limb.tangent) * across + limb.tangent * beyond
-            far = jax.lax.stop_gradient(here.dot(here))
-            offset, least = where(far < least, here, offset), jnp.minimum(far, least)
+            _, past, aside = offset_from(limb, position + arm)
+            far = jax.lax.stop_gradient(past * past + aside * aside)
+            beyond = jnp.where(far < least, past, beyond)
+            across = jnp.where(far < least, aside, across)
+            least = jnp.minimum(far, least)
+        # Once for both components: across a tiny distance rounding would turn the direction.
+        beyond, across = fence_all((beyond, across), barrier)
+        offset = left_of(limb.tangent) * across + limb.tangent * beyond
         normal = fence_all(unit_and_length(offset)[0], barrier)
         base = normal.dot(limb.start) + jnp.maximum(0.0, normal.dot(limb.tangent) * limb.length)
         height, falls, drop = fence_all(

@@ -103,7 +103,10 @@ def offset_from(limb: Segment, point: Vec) -> tuple[Scalar, Scalar, Scalar]:
     far it is to the left of its line."""
     relative = point - limb.start
     along = relative.dot(limb.tangent)
-    return along, along - jnp.clip(along, 0.0, limb.length), limb.tangent.cross(relative)
+    # Not the difference to what is clipped: worked out anew with another rounding, as the compiler
+    # may, that is not 0 in between, and a direction across a tiny distance is a wrong one.
+    before, after = jnp.minimum(along, 0.0), jnp.maximum(along - limb.length, 0.0)
+    return along, before + after, limb.tangent.cross(relative)
 
 
 class Contact(eqx.Module):
@@ -192,8 +195,9 @@ def nearest_contacts(
         place = jnp.where(by_edge, number - by_limbs, number) // vertices
         vertex = number % vertices
         limb, arm = fence_all((pick(limbs, place), pick(arms, vertex)), barrier)
-        reached, beyond, across = offset_from(limb, centre + arm)
-        # From along and across, not as a difference of long vectors: it may be on the limb.
+        reached, beyond, across = fence_all(offset_from(limb, centre + arm), barrier)
+        # From along and across, not as a difference of long vectors: it may be on the limb. They
+        # are worked out once, or rounding would turn a direction across so tiny a distance.
         off = left_of(limb.tangent) * across + limb.tangent * beyond
         normal, distance = unit_and_length(off)
         kind = jnp.where(beyond == 0, ON_SIDE, ON_END)
