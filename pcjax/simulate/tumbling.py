@@ -586,7 +586,11 @@ def _carried(
     acceleration = rows.settle(free, pushes, barrier)
     along_tangents = [tangent.row for tangent in rows.tangents]
     acceleration = acceleration.plus_all(along_tangents, rubs)
-    slipping = [jnp.where(stick, 0.0, rub) for stick, rub in zip(sticks, rubs, strict=True)]
+    # One at rest that its grip does not hold begins to slip.
+    slipping = [
+        jnp.where(stick & (jnp.abs(rub) < 0.9999 * share * push), 0.0, rub)
+        for stick, rub, share, push in zip(sticks, rubs, ratio, pushes, strict=True)
+    ]
     working = free.plus_all(along_tangents, slipping)
     still = jnp.maximum(jnp.maximum(jnp.abs(moving.x), jnp.abs(moving.y)), jnp.abs(moving.turn))
     strength = unit_and_length(Vec(free.x, free.y))[1] + 1e-9
