@@ -63,8 +63,8 @@ def _orientation() -> list[Row]:
         (name, float(angle), body, 10.0, 0.0)
         for angle in range(0, 91, 15)
         for name, body in (
-            ("square", Square(0.1 * UNIT, orientation=math.radians(angle))),
-            ("stick", Stick(0.1 * UNIT, math.radians(angle))),
+            ("square", Square(side=0.1 * UNIT, orientation=math.radians(angle))),
+            ("stick", Stick(0.1 * UNIT, orientation=math.radians(angle))),
         )
     ]
 
