@@ -150,9 +150,9 @@ def test_conditions_of_unequal_structure_run_as_if_each_were_alone() -> None:
     np.testing.assert_array_equal(together.status, np.concatenate([a.status for a in alone]))
 
 
-def test_objects_that_turn_and_others_do_not_run_together() -> None:
+def test_objects_with_an_orientation_and_others_do_not_run_together() -> None:
     hand = box_hand()
-    with pytest.raises(ValueError, match="some of the objects turn"):
+    with pytest.raises(ValueError, match="some of the objects have an orientation"):
         outcomes([does(hand, Circle(25.0)), does(hand, Stick(25.0))])
 
 

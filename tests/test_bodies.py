@@ -148,7 +148,6 @@ def test_flags_give_a_body(capsys: pytest.CaptureFixture[str], line: str, words:
         ("--body capsule --length 8 --diameter 9", "--diameter is 9: it has to be less than the l"),
         ("--body stick --orientation any", "'any' is not a number, nor random"),
         ("--body stick --turns maybe", "'maybe': it has to be one of yes, no"),
-        ("--body stick --turns no --scenario arm", "no engine can run this"),
         ("--body polygon", "vertices is missing"),
     ],
 )

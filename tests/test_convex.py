@@ -17,13 +17,15 @@ from pcjax.geometry import Vec
 from pcjax.model.bodies.base import Body
 from pcjax.model.drives.wrist import TiltProfile
 from pcjax.model.scenario import Scenario
-from pcjax.physics.rigid import NOT_NEEDED, impact, least_pushes
+from pcjax.physics.pushes import NOT_NEEDED, least_pushes
+from pcjax.physics.rigid import impact
 from pcjax.physics.state import INVALID, RUNNING
+from pcjax.physics.tumbling.flight import Tumble
+from pcjax.physics.tumbling.leap import tumble
 from pcjax.simulate.batch import run
 from pcjax.simulate.convex import ConvexLeaps
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
 from pcjax.simulate.event import EventDriven
-from pcjax.simulate.tumbling import Tumble, tumble
 from tests.reference import polygon as reference
 
 pytestmark = pytest.mark.usefixtures("quick_programs")

@@ -299,7 +299,7 @@ def test_pathwise_gradients_are_those_of_the_trials_mean() -> None:
         ({"trials": 1}, "trials"),
         ({"goal_layer": 0.0}, "goal_layer"),
         ({"task": task(max_steps=12_345)}, "12345"),
-        ({"task": task(body=Stick(25.0)), "form": "cloud"}, "stick"),
+        ({"task": task(body=Stick(25.0)), "form": "cloud"}, "knows circles without friction"),
     ],
 )
 def test_bad_settings_are_refused(changes: dict[str, Any], words: str) -> None:

@@ -263,7 +263,7 @@ def test_a_stick_is_watched(tmp_path: Path) -> None:
     study = replace(
         STUDY,
         body=Stick(25.0),
-        run=Run("does", trials=10, max_steps=2000),
+        run=Run("does", trials=10, max_steps=2000, engine="stepping", dt=0.01),
         sweep=Sweep({"orientation_deg": (0.0, 45.0)}),
     )
     data = run_sweep(study, tmp_path / "r.nc")

@@ -174,10 +174,7 @@ def test_the_stick_goes_by_the_engine_for_convex_bodies() -> None:
         choose_engine("stepping", None, scenario)
     with pytest.raises(ValueError, match="without thickness, and engine 'convex' in any"):
         trajectory(scenario)
-    hand = pcjax.two_joint_hand(thickness=10.0)
-    with pytest.raises(ValueError, match="without thickness, and engine 'convex' in any"):
-        pcjax.evaluate(hand, pcjax.Stick(50.0), drive=pcjax.PlanarArm(), trials=2)
-    assert choose_engine("auto", None, pcjax.does(OPEN, pcjax.Stick(30.0))).name == "stepping"
+    assert choose_engine("stepping", None, pcjax.does(OPEN, pcjax.Stick(30.0))).name == "stepping"
 
 
 # ----------------------------------------------------------------------- studies, files, pictures

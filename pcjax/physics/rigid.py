@@ -1,19 +1,14 @@
-"""What several contacts do to a rigid body at once: pushes, impacts with friction, and forces.
+"""What several contacts do to a rigid body at once: impacts with friction, rest, and forces.
 
 Velocities are triples (v_x, v_y, kappa omega), with kappa the radius of gyration, so that kinetic
-energy is half their square; a contact's normal and tangent are directions in that space. With them
-of unit length, what pushes along one do to another is a cosine, and the pushes that a set of
-contacts needs follow from a small system of linear equations. Which contacts are in the set is
-decided by cases: of all sets of up to three, the one whose solution pulls at none and leaves none
-out.
+energy is half their square; a contact's normal and tangent are directions in that space.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -21,11 +16,7 @@ import jax.numpy as jnp
 
 from pcjax.geometry import Flag, Scalar, Vec, fence, fence_all, for_each, unstacked
 from pcjax.physics.contact.manifold import Contact, left_of
-
-NOT_NEEDED = -1e30
-"""What a contact that is off needs."""
-
-T = TypeVar("T")
+from pcjax.physics.pushes import Pairs, all_pairs, orbits, rotated
 
 
 class Rate(NamedTuple):
@@ -104,7 +95,7 @@ class Rows(eqx.Module):
             unstacked(direction, count) for direction in for_each(directions, found)
         )
         cosines = {
-            (a, b): fence(normals[a].row.dot(normals[b].row), barrier) for a, b in _pairs(count)
+            (a, b): fence(normals[a].row.dot(normals[b].row), barrier) for a, b in all_pairs(count)
         }
         return cls(normals, tangents, cosines)
 
@@ -112,143 +103,6 @@ class Rows(eqx.Module):
         """The velocity, or acceleration, with pushes along the normals."""
         rows = [normal.row for normal in self.normals]
         return Rate(*fence_all(tuple(moving.plus_all(rows, pushes)), barrier))
-
-
-Pairs = Mapping[tuple[int, int], Scalar]
-"""A symmetric table without its diagonal: a number for each pair (a, b), a < b."""
-
-
-def _pairs(count: int) -> list[tuple[int, int]]:
-    return list(itertools.combinations(range(count), 2))
-
-
-def _orbits(count: int, size: int) -> list[tuple[int, ...]]:
-    """Sets of so many of `count` things in a ring, one for all that follow from it by rotation."""
-    sets = itertools.combinations(range(count), size)
-    return [
-        one
-        for one in sets
-        if one == min(tuple(sorted((k + r) % count for k in one)) for r in range(count))
-    ]
-
-
-def _rotated(values: list[T]) -> list[T]:
-    return [*values[1:], values[0]]
-
-
-def least_pushes(
-    cosines: Pairs,
-    need: Sequence[Scalar],
-    barrier: Scalar,
-    exactly: Sequence[Flag] | None = None,
-) -> list[Scalar]:
-    """The least pushes along the normals, none negative, that give each contact what it needs.
-
-    `cosines @ pushes >= need`, with equality where a push is not 0: the projection onto a cone of
-    half-spaces in three dimensions. It is found by cases: of all sets of up to three contacts, the
-    one whose solution pulls at none and leaves none out. The sets come around by rotation, so that
-    the program holds few of them.
-
-    Arguments:
-        cosines: between the normals.
-        need: by contact; NOT_NEEDED where it is off.
-        barrier: a 1 for `fence`.
-        exactly: which contacts are to get what they need and no more, by a pull if need be.
-    """
-    count = len(need)
-    sets = [one for size in (1, 2, 3) for one in _orbits(count, size)]
-
-    def miss(case: Case, pushes: Mapping[int, Scalar]) -> Scalar:
-        """The largest pull, or the most that one outside of the set lacks."""
-        worst = 0.0 * case.need[0]
-        for a in range(count):
-            if a in pushes:
-                wrong = -pushes[a]
-                if case.exactly is not None:
-                    wrong = jnp.where(case.exactly[a], 0.0, wrong)
-            else:
-                wrong = case.need[a]
-                for b, push in pushes.items():
-                    wrong = wrong - case.cosines[min(a, b), max(a, b)] * push
-                if case.exactly is not None:
-                    wrong = jnp.where(case.exactly[a], jnp.abs(wrong), wrong)
-            worst = jnp.maximum(worst, wrong)
-        return jax.lax.stop_gradient(worst)
-
-    def look(_: Any, case: Case) -> Case:
-        for one in sets:
-            pushes, fine = _solved(case, one)
-            score = jnp.where(fine, miss(case, pushes), jnp.inf)
-            better = score < case.score
-            chosen = [
-                jnp.where(better, pushes.get(a, 0.0), old) for a, old in enumerate(case.chosen)
-            ]
-            case = replace(case, score=jnp.minimum(score, case.score), chosen=chosen)
-        return case.rotated()
-
-    zero = 0.0 * need[0]
-    start = Case(list(need), cosines, None if exactly is None else list(exactly), zero, [])
-    start = replace(start, score=miss(start, {}), chosen=[zero] * count)
-    pushes = fence_all(jax.lax.fori_loop(0, count, look, start).chosen, barrier)
-    if exactly is None:
-        return [jnp.maximum(push, 0.0) for push in pushes]
-    return [
-        jnp.where(exact, push, jnp.maximum(push, 0.0))
-        for exact, push in zip(exactly, pushes, strict=True)
-    ]
-
-
-class Case(eqx.Module):
-    """What contacts need, and the best pushes so far; the contacts in a ring that turns."""
-
-    need: list[Scalar]
-    cosines: Pairs
-    exactly: list[Flag] | None
-    score: Scalar
-    chosen: list[Scalar]
-
-    def rotated(self) -> Case:
-        """With the next contact first."""
-        count = len(self.need)
-        after = [*range(1, count), 0]
-        cosines = {
-            (a, b): self.cosines[min(after[a], after[b]), max(after[a], after[b])]
-            for a, b in self.cosines
-        }
-        exactly = None if self.exactly is None else _rotated(self.exactly)
-        return Case(_rotated(self.need), cosines, exactly, self.score, _rotated(self.chosen))
-
-
-def _solved(case: Case, one: tuple[int, ...]) -> tuple[Mapping[int, Scalar], Any]:
-    """The pushes that give a set of up to three contacts just what they need; and whether they are
-    far enough from being in line."""
-    need, cosines = case.need, case.cosines
-    if len(one) == 1:
-        return {one[0]: need[one[0]]}, True
-    if len(one) == 2:
-        a, b = one
-        cosine = cosines[a, b]
-        left = 1.0 - cosine * cosine
-        fine = left > 1e-6
-        inverse = 1.0 / jnp.where(fine, left, 1.0)
-        pushes = {
-            a: (need[a] - cosine * need[b]) * inverse,
-            b: (need[b] - cosine * need[a]) * inverse,
-        }
-        return pushes, fine
-    a, b, c = one
-    ab, ac, bc = cosines[a, b], cosines[a, c], cosines[b, c]
-    left = 1.0 + 2.0 * ab * ac * bc - ab * ab - ac * ac - bc * bc
-    fine = left > 1e-5
-    inverse = 1.0 / jnp.where(fine, left, 1.0)
-    mixed_ab, mixed_ac, mixed_bc = ac * bc - ab, ab * bc - ac, ab * ac - bc
-    na, nb, nc = need[a], need[b], need[c]
-    pushes = {
-        a: ((1.0 - bc * bc) * na + mixed_ab * nb + mixed_ac * nc) * inverse,
-        b: (mixed_ab * na + (1.0 - ac * ac) * nb + mixed_bc * nc) * inverse,
-        c: (mixed_ac * na + mixed_bc * nb + (1.0 - ab * ab) * nc) * inverse,
-    }
-    return pushes, fine
 
 
 def impact(
@@ -323,7 +177,7 @@ def at_rest_under(
         for a in range(len(on))
         for side in (1.0, -1.0)
     ]
-    sets = _orbits(len(rays), 3)
+    sets = orbits(len(rays), 3)
     pairs = {pair for one in sets for pair in itertools.combinations(one, 2)}
 
     def look(_: Any, ring: tuple[list[Rate], Flag]) -> tuple[list[Rate], Flag]:
@@ -336,7 +190,7 @@ def at_rest_under(
             slack = -1e-5 * room
             balanced = (way * wants[b, c] >= slack) & (way * wants[a, b] >= slack)
             held = held | ((room > 1e-4) & balanced & (-way * wants[a, c] >= slack))
-        return _rotated(rays), held
+        return rotated(rays), held
 
     return jax.lax.fori_loop(0, len(rays), look, (rays, size < 0))[1]
 
@@ -388,7 +242,7 @@ def forces_with_friction(
     count = len(need)
     every = [d.row for d in (*rows.normals, *rows.tangents)]
     cosines = {
-        pair: fence(every[pair[0]].dot(every[pair[1]]), barrier) for pair in _pairs(2 * count)
+        pair: fence(every[pair[0]].dot(every[pair[1]]), barrier) for pair in all_pairs(2 * count)
     }
     drag = [jnp.where(slip[a] > 0, -ratio[a], ratio[a]) for a in range(count)]
     own = [1.0 + cosines[a, count + a] * drag[a] for a in range(count)]

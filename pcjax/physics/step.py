@@ -14,7 +14,7 @@ from pcjax.model.contact import ContactLaw
 from pcjax.model.scenario import Scenario, World
 from pcjax.physics.contact.table import contact_of, registered_contact
 from pcjax.physics.state import PAPER_DT, State, at_rest
-from pcjax.simulate.tumbling import tumble_for
+from pcjax.physics.tumbling.leap import tumble_for
 
 
 def begin(scenario: Scenario, draws: Float[Array, " draws"]) -> State:

@@ -10,9 +10,10 @@ from jaxtyping import Array
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import State
 from pcjax.physics.step import by_leaps
+from pcjax.physics.tumbling.flight import Tumble
+from pcjax.physics.tumbling.leap import tumble
 from pcjax.simulate.bursts import Bursts, LeapingEngine
 from pcjax.simulate.engine import register_engine
-from pcjax.simulate.tumbling import Tumble, tumble
 
 
 class ConvexBursts(Bursts):

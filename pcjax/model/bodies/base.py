@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import equinox as eqx
 import numpy as np
@@ -95,7 +95,14 @@ def turns_field() -> Any:
     )
 
 
-class Body(Component):
+class _Sized:
+    """Fields or properties of each body; `orientation` of an oriented one."""
+
+    radius: Scalar
+    orientation: Orientation
+
+
+class Body(Component, _Sized):
     """What an object tells about itself. How it moves is in `pcjax.physics.step.move_body`.
 
     Attributes:
@@ -118,10 +125,6 @@ class Body(Component):
     noun: ClassVar[str] = "object of radius"
     convex: ClassVar[bool] = False
     turns = True
-
-    if TYPE_CHECKING:  # for a field or a property of the subclass
-        radius: Scalar = eqx.field(init=False)
-        orientation: Orientation = eqx.field(init=False)
 
     @property
     def width(self) -> Scalar:
