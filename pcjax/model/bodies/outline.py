@@ -130,7 +130,7 @@ def is_plain(numbers: Any) -> bool:
 def _twice_area(places: Sequence[Any]) -> float:
     """Of a polygon; negative if it goes clockwise."""
     after = [*places[1:], *places[:1]]
-    return sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(places, after, strict=True))
+    return float(sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(places, after, strict=True)))
 
 
 def counterclockwise(corners: Corners) -> Corners:

@@ -8,16 +8,8 @@ from collections.abc import Sequence
 import equinox as eqx
 import jax.numpy as jnp
 
-from pcjax.geometry import (
-    Flag,
-    Integers,
-    Scalar,
-    Scalars,
-    Vec,
-)
-from pcjax.physics.rigid import (
-    Rate,
-)
+from pcjax.geometry import Flag, Integers, Scalar, Scalars, Vec
+from pcjax.physics.rigid import Rate
 
 
 class Tumble(eqx.Module):

@@ -23,25 +23,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from pcjax.geometry import (
-    Flag,
-    Scalar,
-    Vec,
-    fence,
-    fence_all,
-    first_root,
-    runtime_barrier,
-    where,
-)
+from pcjax.geometry import Flag, Scalar, Vec, fence, fence_all, first_root, runtime_barrier, where
 from pcjax.model.motion import Leg
 from pcjax.model.scenario import World
-from pcjax.physics.contact.manifold import (
-    Outline,
-    nearest_contacts,
-)
-from pcjax.physics.rigid import (
-    Rate,
-)
+from pcjax.physics.contact.manifold import Outline, nearest_contacts
+from pcjax.physics.rigid import Rate
 from pcjax.physics.state import INVALID, PASSED, RUNNING, State
 from pcjax.physics.tumbling.bounds import while_apart, while_kept
 from pcjax.physics.tumbling.flight import Margins, Path, Tumble, any_of, gyration_of

@@ -23,13 +23,7 @@ from pcjax.geometry import (
 )
 from pcjax.model.contact import ContactLaw
 from pcjax.model.motion import Leg
-from pcjax.physics.contact.manifold import (
-    ON_EDGE,
-    ON_END,
-    Contact,
-    decided,
-    left_of,
-)
+from pcjax.physics.contact.manifold import ON_EDGE, ON_END, Contact, decided, left_of
 from pcjax.physics.pushes import NOT_NEEDED, least_pushes
 from pcjax.physics.rigid import (
     Direction,
