@@ -7,6 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from benchmarks.pymunk_scene import Solid
 from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.scenario import Scenario
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
@@ -46,3 +47,18 @@ def as_arrays(scenario: Scenario, *, trials: int, max_steps: int, seed: int = 0)
         "period": drive.period,
         "ramp": drive.ramp_time,
     }
+
+
+def solid_of(scenario: Scenario) -> Solid:
+    """A convex object for `pymunk_scene.escape_steps`; a circle turns where there is friction."""
+    body: Any = scenario.body
+    friction = scenario.law.friction
+    inertia = 1 / float(body.per_gyration) ** 2 if body.turns else np.inf
+    return Solid(
+        np.array([[float(vertex.x), float(vertex.y)] for vertex in body.vertices]),
+        float(body.skin),
+        inertia,
+        float(getattr(body, "orientation", None) or 0.0),
+        0.0 if friction is None else float(friction),
+        float(scenario.law.restitution),
+    )

@@ -1,9 +1,12 @@
-"""Baseline: first-passage times of a circle in a tilted planar hand, as a pymunk scene.
+"""Baseline: first-passage times of an object in a tilted planar hand, as a pymunk scene.
 
 Lengths are in the unit of `limbs`, times in seconds, angles in radians.
 """
 
 import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import pymunk
@@ -12,22 +15,64 @@ from numpy.typing import NDArray
 Points = tuple[tuple[float, float], tuple[float, float]]
 
 
-def _scene(
-    limbs: NDArray[np.float64], radius: float, restitution: float
-) -> tuple[pymunk.Space, pymunk.Body]:
-    """A hand of static segments without thickness, and a frictionless circle at the origin."""
-    space = pymunk.Space()
-    space.collision_slop = 1e-3  # keeps resting contacts alive; lengths are in hundreds
-    space.collision_bias = 0.0  # what overlaps is pushed out within the step
-    for ax, ay, bx, by in limbs.tolist():
-        limb = pymunk.Segment(space.static_body, (ax, ay), (bx, by), 0.0)
-        limb.elasticity, limb.friction = 1.0, 0.0
-        space.add(limb)
-    body = pymunk.Body(mass=1.0, moment=math.inf)  # no friction: it never turns
-    circle = pymunk.Circle(body, radius)
-    circle.elasticity, circle.friction = restitution, 0.0  # a pair's elasticity is the product
-    space.add(body, circle)
-    return space, body
+@dataclass(frozen=True)
+class Solid:
+    """A rounded convex polygon of mass 1, seen from its centre of mass, or a circle.
+
+    Attributes:
+        vertices: (n, 2), counterclockwise; a single one is a circle's centre [length].
+        rounding: the radius of its corners, or of the circle [length].
+        inertia: about its centre; infinite where nothing turns [length^2].
+        angle: at the start [rad].
+        friction: mu.
+        restitution: e_r of (7).
+    """
+
+    vertices: NDArray[np.float64]
+    rounding: float
+    inertia: float = math.inf
+    angle: float = 0.0
+    friction: float = 0.0
+    restitution: float = 0.0
+
+
+class Scene(Protocol):
+    """A hand that stays put, and a solid at rest in it, as an engine has them."""
+
+    def step(self, gravity: tuple[float, float], dt: float) -> tuple[float, float]:
+        """Goes on by `dt` seconds; where the centre is then."""
+        ...
+
+
+class PymunkScene:
+    """Static segments without thickness, and a body."""
+
+    def __init__(self, limbs: NDArray[np.float64], solid: Solid, start: Sequence[float]):
+        self.space = space = pymunk.Space()
+        space.collision_slop = 1e-3  # keeps resting contacts alive; lengths are in hundreds
+        space.collision_bias = 0.0  # what overlaps is pushed out within the step
+        for ax, ay, bx, by in limbs.tolist():
+            limb = pymunk.Segment(space.static_body, (ax, ay), (bx, by), 0.0)
+            limb.elasticity, limb.friction = 1.0, 1.0
+            space.add(limb)
+        self.body = body = pymunk.Body(mass=1.0, moment=solid.inertia)
+        corners = [(x, y) for x, y in solid.vertices.tolist()]
+        if len(corners) == 1:
+            shape: pymunk.Shape = pymunk.Circle(body, solid.rounding)
+        elif len(corners) == 2:
+            shape = pymunk.Segment(body, corners[0], corners[1], solid.rounding)
+        else:
+            shape = pymunk.Poly(body, corners, radius=solid.rounding)
+        # A pair's elasticity is the product, and so is its friction.
+        shape.elasticity, shape.friction = solid.restitution, solid.friction
+        space.add(body, shape)
+        body.position, body.angle = (start[0], start[1]), solid.angle
+
+    def step(self, gravity: tuple[float, float], dt: float) -> tuple[float, float]:
+        """Goes on by `dt` seconds; where the centre is then."""
+        self.space.gravity = gravity
+        self.space.step(dt)
+        return self.body.position
 
 
 def _gravity(angle1: float, angle2: float, g: float) -> tuple[float, float]:
@@ -49,6 +94,8 @@ def escape_steps(
     dt: float = 0.005,
     period: float = 10.0,
     ramp: float = 1.0,
+    solid: Solid | None = None,
+    scene: Callable[[NDArray[np.float64], Solid, Sequence[float]], Scene] = PymunkScene,
 ) -> NDArray[np.int64]:
     """Steps of `dt` until the centre passes the goal line outwards, for every trial.
 
@@ -71,6 +118,8 @@ def escape_steps(
         dt: step [s].
         period: time between targets [s].
         ramp: time in which a target is reached [s].
+        solid: the object, if it is not a frictionless circle of the radius.
+        scene: makes an engine's scene of limbs, solid and start.
 
     Returns:
         (trials,) escape steps, counted from 1; max_steps + 1 where the limit was reached.
@@ -86,22 +135,22 @@ def escape_steps(
     length = math.hypot(bx - ax, by - ay)
     tx, ty = (bx - ax) / length, (by - ay) / length
 
+    what = solid or Solid(np.zeros((1, 2)), radius, restitution=restitution)
+
     def escape_step(start: list[float], wrist: list[list[float]]) -> int:
-        space, body = _scene(limbs, radius, restitution)
-        body.position = start[0], start[1]
+        engine = scene(limbs, what, start)
         x, y = start
         above = (y - ay) * tx - (x - ax) * ty
-        angles = [0.0, 0.0]
+        angles, gravity = [0.0, 0.0], (0.0, 0.0)
         for step in range(max_steps):
             k, phase = divmod(step, period_steps)
             if phase <= ramp_steps:  # at the middle of the step; constant during the hold
                 share = min((phase + 0.5) / ramp_steps, 1.0) if ramp_steps else 1.0
                 before = wrist[k - 1] if k else angles
                 now = [a + share * (b - a) for a, b in zip(before, wrist[k], strict=True)]
-                space.gravity = _gravity(now[0], now[1], g)
-            space.step(dt)
+                gravity = _gravity(now[0], now[1], g)
             x0, y0, below = x, y, above
-            x, y = body.position
+            x, y = engine.step(gravity, dt)
             above = (y - ay) * tx - (x - ax) * ty
             if below <= 0.0 < above:
                 cross = below / (below - above)
