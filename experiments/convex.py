@@ -5,6 +5,9 @@ that biases are paired; some conditions are repeated at half that step. The engi
 than are compared, to count those that go wrong. Keeps `results/convex.csv` and draws
 `results/convex.png`; goes on where it was interrupted.
 
+With `--limits`: one body or law on its way to another one, on the same trials, in
+`results/convex_limits.csv`.
+
 With `--energy`: flights from random states, with random contacts, under a pull that stays. The
 largest growth of energy in a leap is kept in `results/convex_energy.csv`, as a share of the largest
 energy of the flight.
@@ -19,6 +22,7 @@ import csv
 import math
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +35,7 @@ from matplotlib.figure import Figure
 from pcjax.geometry import Vec
 from pcjax.model.bodies.base import Body
 from pcjax.model.bodies.circle import Circle
-from pcjax.model.bodies.convex import Capsule, Polygon, RegularPolygon, Square
+from pcjax.model.bodies.convex import Capsule, Polygon, Rectangle, RegularPolygon, Square
 from pcjax.model.bodies.stick import Stick
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.arm import PlanarArm
@@ -42,6 +46,7 @@ from pcjax.physics.state import INVALID, RUNNING
 from pcjax.physics.tumbling.flight import Tumble
 from pcjax.physics.tumbling.leap import tumble
 from pcjax.simulate.batch import run
+from pcjax.simulate.choose import choose_engine
 from pcjax.simulate.convex import ConvexLeaps
 from tests.reference.trials import escape_times
 
@@ -184,6 +189,52 @@ def append(path: Path, row: dict[str, Any]) -> None:
     print(*row.values(), sep=", ", flush=True)
 
 
+# --------------------------------------------------------------------------------------- limits
+
+
+def limits() -> Iterator[tuple[str, float, Scenario, Scenario]]:
+    """What goes where, how far it is from there, and both conditions; `OPEN` is the hand."""
+
+    def of(body: Body, thickness: float = 0.0, **law: Any) -> Scenario:
+        return does(replace(OPEN, thickness=thickness), body, law=ContactLaw(**law))
+
+    circle, square, stick = Circle(35.0), Square(70.0, 0.5), Stick(35.0)
+    yield "one vertex to circle", 0.0, of(Polygon(((0.0, 0.0),), 35.0)), of(circle)
+    for number in (4, 8, 16):
+        # As large as the circle in area.
+        size = 35.0 * math.sqrt(2 * math.pi / (number * math.sin(2 * math.pi / number)))
+        yield "regular polygon to circle", number, of(RegularPolygon(number, size)), of(circle)
+    for wide in (8.0, 2.0, 0.5, 0.1):
+        yield "rectangle to stick", wide, of(Rectangle((70.0, wide))), of(stick)
+    for friction in (0.1, 0.01, 1e-3, 1e-5):
+        yield "friction to none", friction, of(square, friction=friction), of(square)
+    for thick in (5.0, 0.5, 0.05):
+        yield "thickness to none", thick, of(square, thick), of(square)
+
+
+def keep_limits(args: argparse.Namespace) -> None:
+    path = RESULTS / "convex_limits.csv"
+    path.unlink(missing_ok=True)
+    for name, rest, near, end in limits():
+        settings: dict[str, Any] = {"trials": args.trials, "max_steps": args.max_steps}
+        ends = [
+            run([one], engine=choose_engine("auto", None, one), **settings) for one in (near, end)
+        ]
+        mine, theirs = (out.steps[0].astype(float) for out in ends)
+        difference, share = mine - theirs, 100 / float(theirs.mean())
+        row = {
+            "limit": name,
+            "at": f"{rest:g}",
+            "trials": args.trials,
+            "index1": round(float(theirs.mean())),
+            "difference_percent": f"{share * difference.mean():.3f}",
+            "difference_95": f"{1.96 * share * difference.std() / math.sqrt(args.trials):.3f}",
+            "within_2_steps": f"{np.mean(np.abs(difference) <= 2):.3f}",
+            "invalid": sum(int(np.sum(out.status == INVALID)) for out in ends),
+        }
+        append(path, row)
+
+
 # --------------------------------------------------------------------------------------- energy
 
 STAYING = WristTilt(ramp_time=0.1, period=1e4)
@@ -278,10 +329,14 @@ def main() -> None:
     add("--compared", type=int, default=2_000, help="of these, with the reference")
     add("--max-steps", type=int, default=50_000, help="limit")
     add("--drive", choices=DRIVES, help="only this one")
+    add("--limits", action="store_true", help="limits instead")
     add("--energy", action="store_true", help="energy instead")
     add("--lanes", type=int, default=256, help="flights for the energy")
     add("--leaps", type=int, default=400, help="of each flight")
     args = parser.parse_args()
+    if args.limits:
+        keep_limits(args)
+        return
     if args.energy:
         energies(args)
         return

@@ -313,3 +313,14 @@ def test_trials_are_the_references(friction: float, thickness: float) -> None:
         assert not np.any(np.isnan(theirs))
         assert np.mean(np.abs(mine.steps[0] - theirs) <= 20) >= 0.85
         assert np.mean(theirs < 30_000) > 0.15
+
+
+def test_hardly_any_friction_or_thickness_is_none() -> None:
+    """Programs with and without friction on the same trials."""
+    settings: dict[str, Any] = {"engine": ConvexLeaps(), "trials": 64, "max_steps": 30_000}
+    capsule = pcjax.Capsule(70.0, 1.0)
+    without = run([pcjax.does(OPEN, capsule)], **settings)
+    law = pcjax.ContactLaw(friction=1e-7)
+    for hand in (OPEN, replace(OPEN, thickness=1e-5)):
+        hardly = run([pcjax.does(hand, capsule, law=law)], **settings)
+        assert np.mean(np.abs(hardly.steps - without.steps) <= 2) >= 0.9
