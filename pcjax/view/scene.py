@@ -12,6 +12,7 @@ from pcjax.model.bodies.base import placed_outline
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import PAPER_DT
 from pcjax.simulate.replay import Frames, Recording, record
+from pcjax.view.contacts import draw_contacts
 from pcjax.view.picture import Picture
 from pcjax.view.shapes import COLOURS, draw_limbs, draw_object, name_axes
 
@@ -74,6 +75,8 @@ def draw_scene(axis: Axes, recording: Recording, frames: Frames, k: int) -> None
     marked = scenario.body.oriented or scenario.law.friction is not None
     mark = None if angle is None or not marked else (centre, angle)
     draw_object(axis, *placed_outline(scenario.body, centre, angle), mark=mark)
+    if mark is not None:
+        draw_contacts(axis, recording, frames, k)
 
 
 def _draw_sideways_pull(axis: Axes, frames: Frames, k: int, length: float) -> None:
