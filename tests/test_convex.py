@@ -13,6 +13,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import pcjax
+from benchmarks import pymunk_scene
+from benchmarks.inputs import as_arrays, solid_of
 from pcjax.geometry import Vec
 from pcjax.model.bodies.base import Body
 from pcjax.model.drives.wrist import TiltProfile
@@ -313,6 +315,20 @@ def test_trials_are_the_references(friction: float, thickness: float) -> None:
         assert not np.any(np.isnan(theirs))
         assert np.mean(np.abs(mine.steps[0] - theirs) <= 20) >= 0.85
         assert np.mean(theirs < 30_000) > 0.15
+
+
+def test_pymunk_has_the_same_index() -> None:
+    """A square with friction, 96 trials to 30 s by steps of 5 ms, each mean with its own error:
+    less than one false alarm in 10,000 (4 standard errors)."""
+    limit = 30_000
+    scenario = pcjax.does(OPEN, pcjax.Square(70.0, 0.5), law=pcjax.ContactLaw(friction=0.35))
+    mine = run([scenario], engine=ConvexLeaps(), trials=96, max_steps=limit).steps[0]
+    inputs, solid = as_arrays(scenario, trials=96, max_steps=limit), solid_of(scenario)
+    theirs = pymunk_scene.escape_steps(**inputs, solid=solid, dt=0.005, max_steps=limit // 5)
+    theirs = np.minimum(5 * theirs, limit)
+    error = math.hypot(mine.std(), theirs.std()) / math.sqrt(96)
+    assert abs(mine.mean() - theirs.mean()) < 4 * error
+    assert error < 0.06 * limit
 
 
 def test_hardly_any_friction_or_thickness_is_none() -> None:
