@@ -6,8 +6,8 @@ and the elementwise arithmetic of a whole step fuses into few loops.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from collections.abc import Sequence
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -213,15 +213,9 @@ def stacked(items: Sequence[T]) -> T:
     return jax.tree.map(lambda *leaves: jnp.stack(jnp.broadcast_arrays(*leaves)), *items)
 
 
-def unstacked(tree: T, count: int) -> list[T]:
-    """The `count` pytrees that `stacked` has put together."""
-    return [jax.tree.map(lambda leaf, k=k: leaf[k], tree) for k in range(count)]
-
-
-def for_each(function: Callable[..., T], *trees: Any) -> T:
-    """What a function gives for each of some stacked pytrees, stacked: by a loop, so that the
-    program holds it once."""
-    return jax.lax.scan(lambda _, each: (None, function(*each)), None, trees)[1]
+def cube_root(value: Scalar) -> Scalar:
+    """Of what is above 0; unlike `jnp.cbrt` it does not keep the compiler from using vectors."""
+    return jnp.exp(jnp.log(value) / 3.0)
 
 
 def is_inside(corners: Sequence[Vec], point: Vec) -> Flag:

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
@@ -20,28 +18,12 @@ from pcjax.geometry import Flag, Scalar, fence_all
 NOT_NEEDED = -1e30
 """What a contact that is off needs."""
 
-T = TypeVar("T")
-
 Pairs = Mapping[tuple[int, int], Scalar]
 """A symmetric table without its diagonal: a number for each pair (a, b), a < b."""
 
 
 def all_pairs(count: int) -> list[tuple[int, int]]:
     return list(itertools.combinations(range(count), 2))
-
-
-def orbits(count: int, size: int) -> list[tuple[int, ...]]:
-    """Sets of so many of `count` things in a ring, one for all that follow from it by rotation."""
-    sets = itertools.combinations(range(count), size)
-    return [
-        one
-        for one in sets
-        if one == min(tuple(sorted((k + r) % count for k in one)) for r in range(count))
-    ]
-
-
-def rotated(values: list[T]) -> list[T]:
-    return [*values[1:], values[0]]
 
 
 def least_pushes(
@@ -54,8 +36,7 @@ def least_pushes(
 
     `cosines @ pushes >= need`, with equality where a push is not 0: the projection onto a cone of
     half-spaces in three dimensions. It is found by cases: of all sets of up to three contacts, the
-    one whose solution pulls at none and leaves none out. The sets come around by rotation, so that
-    the program holds few of them.
+    one whose solution pulls at none and leaves none out.
 
     Arguments:
         cosines: between the normals.
@@ -64,73 +45,46 @@ def least_pushes(
         exactly: which contacts are to get what they need and no more, by a pull if need be.
     """
     count = len(need)
-    sets = [one for size in (1, 2, 3) for one in orbits(count, size)]
 
-    def miss(case: Case, pushes: Mapping[int, Scalar]) -> Scalar:
+    def miss(pushes: Mapping[int, Scalar]) -> Scalar:
         """The largest pull, or the most that one outside of the set lacks."""
-        worst = 0.0 * case.need[0]
+        worst = 0.0 * need[0]
         for a in range(count):
             if a in pushes:
                 wrong = -pushes[a]
-                if case.exactly is not None:
-                    wrong = jnp.where(case.exactly[a], 0.0, wrong)
+                if exactly is not None:
+                    wrong = jnp.where(exactly[a], 0.0, wrong)
             else:
-                wrong = case.need[a]
+                wrong = need[a]
                 for b, push in pushes.items():
-                    wrong = wrong - case.cosines[min(a, b), max(a, b)] * push
-                if case.exactly is not None:
-                    wrong = jnp.where(case.exactly[a], jnp.abs(wrong), wrong)
+                    wrong = wrong - cosines[min(a, b), max(a, b)] * push
+                if exactly is not None:
+                    wrong = jnp.where(exactly[a], jnp.abs(wrong), wrong)
             worst = jnp.maximum(worst, wrong)
         return jax.lax.stop_gradient(worst)
 
-    def look(_: Any, case: Case) -> Case:
-        for one in sets:
-            pushes, fine = _solved(case, one)
-            score = jnp.where(fine, miss(case, pushes), jnp.inf)
-            better = score < case.score
-            chosen = [
-                jnp.where(better, pushes.get(a, 0.0), old) for a, old in enumerate(case.chosen)
-            ]
-            case = replace(case, score=jnp.minimum(score, case.score), chosen=chosen)
-        return case.rotated()
-
-    zero = 0.0 * need[0]
-    start = Case(list(need), cosines, None if exactly is None else list(exactly), zero, [])
-    start = replace(start, score=miss(start, {}), chosen=[zero] * count)
-    pushes = fence_all(jax.lax.fori_loop(0, count, look, start).chosen, barrier)
+    least, chosen = miss({}), [0.0 * need[0]] * count
+    for size in (1, 2, 3):
+        for one in itertools.combinations(range(count), size):
+            pushes, fine = _solved(cosines, need, one)
+            score = jnp.where(fine, miss(pushes), jnp.inf)
+            better = score < least
+            chosen = [jnp.where(better, pushes.get(a, 0.0), old) for a, old in enumerate(chosen)]
+            least = jnp.minimum(score, least)
+    chosen = fence_all(chosen, barrier)
     if exactly is None:
-        return [jnp.maximum(push, 0.0) for push in pushes]
+        return [jnp.maximum(push, 0.0) for push in chosen]
     return [
         jnp.where(exact, push, jnp.maximum(push, 0.0))
-        for exact, push in zip(exactly, pushes, strict=True)
+        for exact, push in zip(exactly, chosen, strict=True)
     ]
 
 
-class Case(eqx.Module):
-    """What contacts need, and the best pushes so far; the contacts in a ring that turns."""
-
-    need: list[Scalar]
-    cosines: Pairs
-    exactly: list[Flag] | None
-    score: Scalar
-    chosen: list[Scalar]
-
-    def rotated(self) -> Case:
-        """With the next contact first."""
-        count = len(self.need)
-        after = [*range(1, count), 0]
-        cosines = {
-            (a, b): self.cosines[min(after[a], after[b]), max(after[a], after[b])]
-            for a, b in self.cosines
-        }
-        exactly = None if self.exactly is None else rotated(self.exactly)
-        return Case(rotated(self.need), cosines, exactly, self.score, rotated(self.chosen))
-
-
-def _solved(case: Case, one: tuple[int, ...]) -> tuple[Mapping[int, Scalar], Any]:
+def _solved(
+    cosines: Pairs, need: Sequence[Scalar], one: tuple[int, ...]
+) -> tuple[Mapping[int, Scalar], Any]:
     """The pushes that give a set of up to three contacts just what they need; and whether they are
     far enough from being in line."""
-    need, cosines = case.need, case.cosines
     if len(one) == 1:
         return {one[0]: need[one[0]]}, True
     if len(one) == 2:

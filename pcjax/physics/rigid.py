@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from pcjax.geometry import Flag, Scalar, Vec, fence, fence_all, for_each, unstacked
+from pcjax.geometry import Flag, Scalar, Vec, fence, fence_all
 from pcjax.physics.contact.manifold import Contact, left_of
-from pcjax.physics.pushes import Pairs, all_pairs, orbits, rotated
+from pcjax.physics.pushes import Pairs, all_pairs
 
 
 class Rate(NamedTuple):
@@ -81,21 +81,15 @@ class Rows(eqx.Module):
     cosines: Pairs
 
     @classmethod
-    def of(cls, found: Contact, count: int, per_gyration: Scalar, barrier: Scalar) -> Rows:
-        """From stacked contacts, how many they are, and 1 / kappa."""
-
-        def directions(contact: Contact) -> tuple[Direction, Direction]:
-            normal, lever = contact.normal, contact.lever
-            return (
-                Direction.of(normal, lever, per_gyration, barrier),
-                Direction.of(left_of(normal), lever, per_gyration, barrier),
-            )
-
-        normals, tangents = (
-            unstacked(direction, count) for direction in for_each(directions, found)
-        )
+    def of(cls, found: Sequence[Contact], per_gyration: Scalar, barrier: Scalar) -> Rows:
+        """From contacts, and 1 / kappa."""
+        normals = [Direction.of(one.normal, one.lever, per_gyration, barrier) for one in found]
+        tangents = [
+            Direction.of(left_of(one.normal), one.lever, per_gyration, barrier) for one in found
+        ]
         cosines = {
-            (a, b): fence(normals[a].row.dot(normals[b].row), barrier) for a, b in all_pairs(count)
+            (a, b): fence(normals[a].row.dot(normals[b].row), barrier)
+            for a, b in all_pairs(len(found))
         }
         return cls(normals, tangents, cosines)
 
@@ -177,22 +171,16 @@ def at_rest_under(
         for a in range(len(on))
         for side in (1.0, -1.0)
     ]
-    sets = orbits(len(rays), 3)
-    pairs = {pair for one in sets for pair in itertools.combinations(one, 2)}
-
-    def look(_: Any, ring: tuple[list[Rate], Flag]) -> tuple[list[Rate], Flag]:
-        rays, held = ring
-        across = {(a, b): rays[a].cross(rays[b]) for a, b in pairs}
-        wants = {pair: wanted.dot(normal) for pair, normal in across.items()}
-        for a, b, c in sets:
-            volume = rays[a].dot(across[b, c])
-            way, room = jnp.sign(volume), jnp.abs(volume)
-            slack = -1e-5 * room
-            balanced = (way * wants[b, c] >= slack) & (way * wants[a, b] >= slack)
-            held = held | ((room > 1e-4) & balanced & (-way * wants[a, c] >= slack))
-        return rotated(rays), held
-
-    return jax.lax.fori_loop(0, len(rays), look, (rays, size < 0))[1]
+    across = {(a, b): rays[a].cross(rays[b]) for a, b in all_pairs(len(rays))}
+    wants = {pair: wanted.dot(normal) for pair, normal in across.items()}
+    held = size < 0
+    for a, b, c in itertools.combinations(range(len(rays)), 3):
+        volume = rays[a].dot(across[b, c])
+        way, room = jnp.sign(volume), jnp.abs(volume)
+        slack = -1e-5 * room
+        balanced = (way * wants[b, c] >= slack) & (way * wants[a, b] >= slack)
+        held = held | ((room > 1e-4) & balanced & (-way * wants[a, c] >= slack))
+    return held
 
 
 SWEEPS = 16
@@ -249,16 +237,16 @@ def forces_with_friction(
     own = [jnp.where(sticks[a], 1.0, jnp.maximum(own[a], LEAST_OWN)) for a in range(count)]
     drag, own = fence_all((drag, own), barrier)
 
-    def sweep(_: Any, pushes: list[Scalar]) -> list[Scalar]:
-        pushes = list(pushes)
+    pushes = [0.0 * need[0]] * (2 * count)
 
-        def lack(wanted: Scalar, a: int) -> Scalar:
-            """What it still needs, not counting its own push."""
-            for b, push in enumerate(pushes):
-                if b != a:
-                    wanted = wanted - cosines[min(a, b), max(a, b)] * push
-            return wanted
+    def lack(wanted: Scalar, a: int) -> Scalar:
+        """What it still needs, not counting its own push."""
+        for b, push in enumerate(pushes):
+            if b != a:
+                wanted = wanted - cosines[min(a, b), max(a, b)] * push
+        return wanted
 
+    for _ in range(SWEEPS):
         for a in range(count):
             change = (lack(need[a], a) - pushes[a]) / own[a]
             pushes[a] = fence(jnp.maximum(pushes[a] + change, 0.0), barrier)
@@ -266,8 +254,4 @@ def forces_with_friction(
             stuck = jnp.clip(lack(need_along[a], count + a), -most, most)
             along = jnp.where(sticks[a], stuck, drag[a] * pushes[a])
             pushes[count + a] = fence(along, barrier)
-        return pushes
-
-    nothing = [0.0 * need[0]] * (2 * count)
-    pushes = jax.lax.fori_loop(0, SWEEPS, sweep, nothing)
     return pushes[:count], pushes[count:]

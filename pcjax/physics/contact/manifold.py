@@ -24,7 +24,6 @@ from pcjax.geometry import (
     bits,
     fence,
     fence_all,
-    for_each,
     pick,
     stacked,
     unit_and_length,
@@ -143,8 +142,8 @@ def nearest_contacts(
     rounding: Scalar,
     half_thickness: Scalar,
     barrier: Scalar,
-) -> Contact:
-    """The `count` nearest contacts, the nearest first, stacked.
+) -> list[Contact]:
+    """The `count` nearest contacts, the nearest first.
 
     All pairs of features are looked at, one limb after the other so that the program stays small.
     The squared distances' last bits hold the number of the pair.
@@ -221,7 +220,7 @@ def nearest_contacts(
         numbers, kinds = eqx.partition(found, lambda x: jnp.issubdtype(x.dtype, jnp.floating))
         return eqx.combine(fence_all(numbers, barrier), kinds)
 
-    return for_each(contact, jnp.stack(best))
+    return [contact(key) for key in best]
 
 
 def decided(flag: Flag, barrier: Scalar) -> Flag:

@@ -13,6 +13,7 @@ from pcjax.geometry import (
     Scalar,
     Segment,
     Vec,
+    cube_root,
     fence,
     fence_all,
     first_root,
@@ -38,7 +39,7 @@ LARGEST_TURN = 0.01
 
 def while_kept(
     longest: Scalar,
-    found: Contact,
+    found: Sequence[Contact],
     loaded: Sequence[Flag],
     outline: Outline,
     skin: Scalar,
@@ -50,7 +51,8 @@ def while_kept(
     """Seconds, at most `longest`, for which the contacts that carry the body stay what they are."""
     near = margins.near
     size = outline.reach + skin
-    turn = jnp.minimum(LARGEST_TURN, jnp.cbrt(6.0 * near / size)) * size / outline_or_one(outline)
+    turn = jnp.minimum(LARGEST_TURN, cube_root(6.0 * near / size))
+    turn = turn * size / outline_or_one(outline)
     turned = first_root(turn, -jnp.abs(path.spin), -jnp.abs(path.twist))
     longest = fence(jnp.where(any_of(loaded), jnp.minimum(longest, turned), longest), barrier)
     ahead = jnp.minimum(longest, 1.0)
@@ -60,15 +62,14 @@ def while_kept(
     fast = unit_and_length(path.velocity)[1] + hard * ahead
     spin, fast, hard = fence_all((spin, fast, hard), barrier)
 
-    def for_contact(longest: Scalar, each: tuple[Contact, Flag]) -> tuple[Scalar, None]:
-        contact, on = each
+    for contact, on in zip(found, loaded, strict=True):
         # What the gap's third derivative is at most leads it astray by no more than half of `near`.
         arm = unit_and_length(contact.arm)[1]
         jerk = arm * (3.0 * twist * spin + spin * spin * spin)
         swept = 3.0 * (spin * hard + twist * fast + spin * spin * fast)
         jerk = jerk + jnp.where(contact.kind == ON_EDGE, swept, 0.0)
         strays = jerk > 1e-12
-        astray = jnp.cbrt(3.0 * near / jnp.where(strays, jerk, 1.0))
+        astray = cube_root(3.0 * near / jnp.where(strays, jerk, 1.0))
         # How far along, until the contact is another one.
         along = left_of(contact.normal)
         velocity = path.velocity + left_of(contact.arm) * path.spin
@@ -86,9 +87,8 @@ def while_kept(
         ends = jnp.where(on_end, rolled, ends)
         ends = jnp.where(contact.kind == ON_EDGE, jnp.minimum(ends, rolled), ends)
         ends = jnp.where(strays, jnp.minimum(ends, astray), ends)
-        return fence(jnp.where(on, jnp.minimum(longest, ends), longest), barrier), None
-
-    return jax.lax.scan(for_contact, longest, (found, stacked(loaded)))[0]
+        longest = fence(jnp.where(on, jnp.minimum(longest, ends), longest), barrier)
+    return longest
 
 
 def outline_or_one(outline: Outline) -> Scalar:
@@ -140,7 +140,7 @@ def while_apart(
         stays = touches & ~opens & (true > -8.0 * noise)
         turns = jerk > 1e-12
         jerk = jnp.where(turns, jerk, 1.0)
-        kept = jnp.maximum(3.0 * true / jerk, jnp.cbrt(3.0 * near / jerk))
+        kept = jnp.maximum(3.0 * true / jerk, cube_root(3.0 * near / jerk))
         kept = jnp.where(turns, kept, NEVER)
         return jnp.where(cut, 0.0, jnp.where(stays, kept, time))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -16,10 +15,7 @@ from pcjax.geometry import (
     Vec,
     fence,
     fence_all,
-    for_each,
-    stacked,
     unit_and_length,
-    unstacked,
 )
 from pcjax.model.contact import ContactLaw
 from pcjax.model.motion import Leg
@@ -67,7 +63,7 @@ class Settled(eqx.Module):
 
 def settled_by(
     law: ContactLaw,
-    found: Contact,
+    found: Sequence[Contact],
     flight: Tumble,
     leg: Leg,
     left: Scalar,
@@ -76,12 +72,11 @@ def settled_by(
     barrier: Scalar,
 ) -> Settled:
     """What the contacts do at a leap's start: impacts, forces, and back to touching."""
-    rows = Rows.of(found, CONTACTS, per_gyration, barrier)
-    gaps = [fence(gap, barrier) for gap in unstacked(found.gap, CONTACTS)]
-    touches = [decided(gap <= margins.near, barrier) for gap in gaps]
+    rows = Rows.of(found, per_gyration, barrier)
+    touches = [decided(one.gap <= margins.near, barrier) for one in found]
     lacks = [
-        jnp.where(on, -gap / normal.size, NOT_NEEDED)
-        for on, gap, normal in zip(touches, gaps, rows.normals, strict=True)
+        jnp.where(on, -one.gap / normal.size, NOT_NEEDED)
+        for on, one, normal in zip(touches, found, rows.normals, strict=True)
     ]
     gyration = gyration_of(per_gyration)
     turning = flight.spin * gyration
@@ -125,7 +120,7 @@ def _meet(
             for on, normal in zip(touches, rows.normals, strict=True)
         ]
 
-    def meet(_: Any, moving: Rate) -> Rate:
+    def met(moving: Rate) -> Rate:
         approach = closing_speeds(moving)
         normal, tangent, fastest = rows.normals[0], rows.tangents[0], approach[0]
         for a in range(1, len(touches)):
@@ -151,7 +146,8 @@ def _meet(
         moving = moving.plus(normal.row, pushed).plus(tangent.row, rubbed)
         return Rate(*fence_all(tuple(moving), barrier))
 
-    moving = jax.lax.fori_loop(0, IMPACTS, meet, moving)
+    for _ in range(IMPACTS):
+        moving = met(moving)
     approach = closing_speeds(moving)
     closing = jnp.asarray(False)
     for speed in approach:
@@ -235,7 +231,7 @@ class Pressing(eqx.Module):
 
 def _carried(
     law: ContactLaw,
-    found: Contact,
+    found: Sequence[Contact],
     rows: Rows,
     touches: Sequence[Flag],
     moving: Rate,
@@ -267,9 +263,7 @@ def _carried(
         need, slip, along = fence_all((need, slip, along), barrier)
         return Pressing(need, stays, slip, slow, along, bend_along)
 
-    each = unstacked(
-        for_each(pressing, found, *map(stacked, (touches, rows.normals, rows.tangents))), CONTACTS
-    )
+    each = [pressing(*one) for one in zip(found, touches, rows.normals, rows.tangents, strict=True)]
     needs, stays = [one.need for one in each], [one.stays for one in each]
 
     def kept(moving: Rate, loaded: Sequence[Flag]) -> Rate:
@@ -300,7 +294,7 @@ def _carried(
     pushes, rubs = forces_with_friction(rows, needs, along, slips, sticks, ratio, barrier)
     loaded = [decided(push > 0, barrier) for push in pushes]
 
-    def clean(_: Any, moving: Rate) -> Rate:
+    def cleaned(moving: Rate) -> Rate:
         for normal, tangent, on, stick in zip(
             rows.normals, rows.tangents, loaded, sticks, strict=True
         ):
@@ -313,7 +307,7 @@ def _carried(
         return kept(moving, loaded)
 
     # The first time without what sticks, so that normals come first.
-    moving = jax.lax.fori_loop(0, 2, clean, kept(moving, loaded))
+    moving = cleaned(cleaned(kept(moving, loaded)))
     acceleration = rows.settle(free, pushes, barrier)
     along_tangents = [tangent.row for tangent in rows.tangents]
     acceleration = acceleration.plus_all(along_tangents, rubs)
