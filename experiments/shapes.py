@@ -14,6 +14,7 @@ Then it draws `results/shapes_PART.png`.
 from __future__ import annotations
 
 import argparse
+import functools
 import math
 from collections.abc import Sequence
 from itertools import product
@@ -69,15 +70,8 @@ def _orientation() -> list[Row]:
     ]
 
 
-def _friction() -> list[Row]:
-    return [
-        (name, mu, body, 10.0, mu)
-        for mu in (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.8)
-        for name, body in (
-            ("circle", Circle(0.05 * UNIT)),
-            ("square", Square(0.1 * UNIT)),
-        )
-    ]
+def _friction(name: str, body: Body) -> list[Row]:
+    return [(name, mu, body, 10.0, mu) for mu in (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.8)]
 
 
 def _angle() -> list[Row]:
@@ -91,7 +85,14 @@ def _angle() -> list[Row]:
 PARTS = {
     "size": (_size, "side, or length, / $L_p$"),
     "orientation": (_orientation, "orientation at the start [degrees]"),
-    "friction": (_friction, "friction $\\mu$"),
+    "friction_circle": (
+        functools.partial(_friction, "circle", Circle(0.05 * UNIT)),
+        "friction $\\mu$",
+    ),
+    "friction_square": (
+        functools.partial(_friction, "square", Square(0.1 * UNIT)),
+        "friction $\\mu$",
+    ),
     "angle": (_angle, "$\\theta_g$ [degrees]"),
 }
 
