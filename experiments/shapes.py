@@ -1,11 +1,11 @@
 """How the paper's hand holds things with a shape, and what friction does.
 
-Four parts, each kept in `results/shapes_PART.nc` when it is done, so that an interrupted run goes
+Five parts, each kept in `results/shapes_PART.nc` when it is done, so that an interrupted run goes
 on where it was (`--again` runs all of them anew):
 
 - size: a square and a stick of several sizes, at theta_g = 10 deg;
 - orientation: the same by their angle at the start;
-- friction: a circle and a square for several mu;
+- friction_circle, friction_square: each for several mu;
 - angle: squares as wide as the circles of Figs. 10 to 12, against theta_g.
 
 Then it draws `results/shapes_PART.png`.
