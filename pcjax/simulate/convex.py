@@ -57,7 +57,7 @@ class ConvexLeaps(LeapingEngine):
 
     bursts = ConvexBursts
     noun = "the engine for convex bodies"
-    summary = "from event to event, for convex bodies, with friction, on the wrist or the arm"
+    summary = "from event to event, for all convex bodies, with friction, whatever moves the hand"
     preference = 10
 
     @classmethod
