@@ -103,7 +103,7 @@ if drive == "wrist":
     hand, how = pcjax.box_hand(math.radians(10)), pcjax.WristTilt()
 else:
     hand, how = pcjax.two_joint_hand(math.radians(65), math.radians(90)), pcjax.PlanarArm()
-settings = dict(drive=how, directions="does", trials=trials, max_steps=limit)
+settings = dict(drive=how, direction="does", trials=trials, max_steps=limit)
 pcjax.evaluate(hand, pcjax.Stick(50.0), **settings)
 for line in sys.stdin:
     began = time.perf_counter()
