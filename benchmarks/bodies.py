@@ -108,7 +108,8 @@ pcjax.evaluate(hand, pcjax.Stick(50.0), **settings)
 for line in sys.stdin:
     began = time.perf_counter()
     found = pcjax.evaluate(hand, pcjax.Stick(50.0), **settings)
-    print(time.perf_counter() - began, found.does.index1.value, found.does.index1.se, flush=True)
+    index1 = found.indices("does")["index1"]
+    print(time.perf_counter() - began, index1.value, index1.se, flush=True)
 """
 
 
