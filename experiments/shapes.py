@@ -21,7 +21,6 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -121,26 +120,15 @@ def evaluated(rows: Sequence[Row], **settings: Any) -> xr.Dataset:
     return evaluate_grid(scenarios, coords, engine="convex", progress=True, **settings)
 
 
-def series_of(data: xr.Dataset) -> dict[str, xr.Dataset]:
-    """The conditions of each series."""
-    names = data.series.values
-    found = {}
-    for name in dict.fromkeys(names.tolist()):
-        of = np.flatnonzero(names == name)
-        one = data.isel(condition=of).drop_vars("covariance")
-        covariance = data.covariance.values[:, :, of][:, :, :, of]
-        found[name] = one.assign(covariance=(data.covariance.dims, covariance))
-    return found
-
-
 def draw(data: xr.Dataset, label: str, path: Path) -> None:
     """Index 1, index 2 and the score, with 95 % intervals."""
     figure = Figure((11, 3.6), layout="constrained")
     axes: list[Axes] = list(figure.subplots(1, 3))
-    for k, (name, one) in enumerate(series_of(data).items()):
+    for k, name in enumerate(dict.fromkeys(data.series.values.tolist())):
+        of = {"series": name}
         for direction, style in (("does", "-"), ("eoen", "--")):
             for axis, index, scale in ((axes[0], "index1", 1e-3), (axes[1], "index2", 1.0)):
-                line = curve(one, direction, index)
+                line = curve(data, direction, index, of)
                 what = name if direction == "does" else None
                 axis.errorbar(
                     line.angle,
@@ -151,7 +139,7 @@ def draw(data: xr.Dataset, label: str, path: Path) -> None:
                     label=what,
                     capsize=2,
                 )
-        line = score_curve(one)
+        line = score_curve(data, of)
         axes[2].errorbar(line.angle, line.value, 1.96 * line.se, color=f"C{k}", capsize=2)
     axes[0].set_ylabel("index 1 [thousand steps]")
     axes[1].set_ylabel("index 2 [share of trials]")

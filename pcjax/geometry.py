@@ -6,6 +6,7 @@ and the elementwise arithmetic of a whole step fuses into few loops.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from typing import TypeVar
 
@@ -51,9 +52,9 @@ class Vec(eqx.Module):
         return self.x * other.y - self.y * other.x
 
 
-def where(condition: Flag, a: Vec, b: Vec) -> Vec:
-    """`a` where the condition holds, else `b`."""
-    return Vec(jnp.where(condition, a.x, b.x), jnp.where(condition, a.y, b.y))
+def where(condition: Flag, a: T, b: T) -> T:
+    """`a` where the condition holds, else `b`, for pytrees of one structure."""
+    return jax.tree.map(functools.partial(jnp.where, condition), a, b)
 
 
 def fence(value: Scalar, barrier: Scalar) -> Scalar:
@@ -69,6 +70,12 @@ def fence(value: Scalar, barrier: Scalar) -> Scalar:
 def fence_all(tree: T, barrier: Scalar) -> T:
     """`fence` for every number of a pytree."""
     return jax.tree.map(lambda value: fence(value, barrier), tree)
+
+
+def decided(flag: Flag, barrier: Scalar) -> Flag:
+    """The flag, computed once: where the compiler works it out anew for each use, rounding may turn
+    it out differently."""
+    return fence(jnp.where(flag, barrier, 0.0 * barrier), barrier) > 0.5
 
 
 def runtime_barrier(count: Int[Array, ""], like: Scalar) -> Scalar:

@@ -192,10 +192,11 @@ class Curve:
         )
 
 
-def _places(dataset: xr.Dataset, direction: str, where: Mapping[str, float]) -> np.ndarray:
+def _places(dataset: xr.Dataset, direction: str, where: Mapping[str, float | str]) -> np.ndarray:
     chosen = dataset.direction.values == direction
     for name, value in where.items():
-        chosen = chosen & np.isclose(dataset[name].values, value)
+        values = dataset[name].values
+        chosen &= values == value if isinstance(value, str) else np.isclose(values, value)
     places = np.flatnonzero(chosen)
     return places[np.argsort(dataset.angle.values[places])]
 
@@ -209,7 +210,7 @@ def curve(
     dataset: xr.Dataset,
     direction: str,
     estimate: str = "index1",
-    where: Mapping[str, float] | None = None,
+    where: Mapping[str, float | str] | None = None,
 ) -> Curve:
     """Index 1 or index 2 against the angle, in one direction.
 
@@ -217,7 +218,7 @@ def curve(
         dataset: from `run_figure`.
         direction: "does" or "eoen".
         estimate: "index1" or "index2".
-        where: the radius or gap width, where the figure has several.
+        where: the radius or gap width, where the figure has several, or any other coordinate.
     """
     places = _places(dataset, direction, where or {})
     k = INDICES.index(estimate)
@@ -229,7 +230,7 @@ def curve(
     )
 
 
-def score_curve(dataset: xr.Dataset, where: Mapping[str, float] | None = None) -> Curve:
+def score_curve(dataset: xr.Dataset, where: Mapping[str, float | str] | None = None) -> Curve:
     """The score (18) by index 1 against the angle; errors by the delta method, paired."""
     top, bottom = (_places(dataset, d, where or {}) for d in ("does", "eoen"))
     means = dataset.index1.sel(statistic="value").values

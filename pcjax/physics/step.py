@@ -55,7 +55,7 @@ def by_leaps(body: Body, law: ContactLaw) -> bool:
     own registered, for what does not turn though it has an orientation, and for all of them where
     there is friction or drag."""
     rough = law.friction is not None or law.drag is not None
-    stiff = body.oriented and not getattr(body, "turns", True)
+    stiff = body.oriented and not body.turns
     return body.convex and (rough or stiff or registered_contact(body) is None)
 
 

@@ -19,7 +19,6 @@ from __future__ import annotations
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 
 from pcjax.geometry import (
@@ -30,6 +29,7 @@ from pcjax.geometry import (
     Scalars,
     Segment,
     Vec,
+    decided,
     fence,
     first_root,
     runtime_barrier,
@@ -164,7 +164,7 @@ def settle(
     ends = [_standing_out(contacts[k], contacts[1 - k], normals[1 - k]) <= near for k in (0, 1)]
     # Decided once: where the compiler works out a flag anew for each of its uses, rounding may
     # turn it out differently, and a limb that exerts no force be taken for one that is slid on.
-    stays = [_decided(stays[k] & ~(ends[k] & stays[1 - k]), barrier) for k in (0, 1)]
+    stays = [decided(stays[k] & ~(ends[k] & stays[1 - k]), barrier) for k in (0, 1)]
     needs = []
     for contact, normal, stay in zip(contacts, normals, stays, strict=True):
         along = velocity.cross(normal)
@@ -176,11 +176,11 @@ def settle(
 
     pinned = (forces[0] > 0) & (forces[1] > 0)
     second = (forces[1] > 0) | (stays[1] & jnp.logical_not(stays[0]))
-    carrier = jax.tree.map(lambda a, b: jnp.where(second, b, a), *contacts)
+    carrier = where(second, contacts[1], contacts[0])
     normal = where(second, normals[1], normals[0])
     touches = stays[0] | stays[1]
     carried = (forces[0] > 0) | (forces[1] > 0)
-    rolls = touches & carrier.round & ~pinned
+    rolls = touches & carrier.round & jnp.logical_not(pinned)
     # What it leaves its limb with is forgotten, unless that would send it into the other one, as it
     # does where it goes over from one limb to the next, almost in line with it.
     kept = velocity - normal * velocity.dot(normal)
@@ -209,11 +209,6 @@ def settle(
         carried,
         jnp.where(slides, until_end, NEVER),
     )
-
-
-def _decided(flag: Flag, barrier: Scalar) -> Flag:
-    """The flag, computed once."""
-    return fence(jnp.where(flag, barrier, 0.0 * barrier), barrier) > 0.5
 
 
 def _standing_out(end: Contact, side: Contact, normal: Vec) -> Scalar:

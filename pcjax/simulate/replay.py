@@ -43,7 +43,7 @@ class Frames:
     Attributes:
         times: seconds since the trial began.
         position: the object's centre in the hand frame.
-        angle: the object's angle from the palm, radians; None where it has none.
+        angle: the object's angle from the palm, radians.
         joints: the hand's origin in the world, preceded by the joints of the arm that carries it.
         turn: the angle by which the hand's axes are turned against the world's, radians.
         pull: gravity in the world's axes, as far as it acts in the plane of the hand.
@@ -52,7 +52,7 @@ class Frames:
 
     times: Float[np.ndarray, " frames"]
     position: Float[np.ndarray, "frames 2"]
-    angle: Float[np.ndarray, " frames"] | None
+    angle: Float[np.ndarray, " frames"]
     joints: Float[np.ndarray, "frames joints 2"]
     turn: Float[np.ndarray, " frames"]
     pull: Float[np.ndarray, "frames 2"]
@@ -88,7 +88,7 @@ class Recording:
     dt: float
     times: Float[np.ndarray, " states"]
     position: Float[np.ndarray, "states 2"]
-    angle: Float[np.ndarray, " states"] | None
+    angle: Float[np.ndarray, " states"]
 
     @property
     def escape_step(self) -> int:
@@ -113,7 +113,7 @@ class Recording:
 
     def at(self, times: Float[np.ndarray, " frames"]) -> Frames:
         """Hand and object at some times, between the trial's start and its end."""
-        angle = None if self.angle is None else np.interp(times, self.times, self.angle)
+        angle = np.interp(times, self.times, self.angle)
         drive = self.scenario.drive
         # The end of a period belongs to it, not to the next.
         period = np.maximum(np.ceil(times / drive.period - 1e-6) - 1, 0).astype(np.int32)
@@ -159,7 +159,7 @@ def record(
     position = np.stack(
         [both(first.position.x, path.position.x), both(first.position.y, path.position.y)], axis=-1
     )
-    angle = None if first.angle is None else np.unwrap(both(first.angle, path.angle))
+    angle = np.unwrap(both(first.angle, path.angle))
     return Recording(scenario, seed, trial, status, ended, step, times, position, angle)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from pcjax.geometry import where
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import RUNNING
 from pcjax.physics.step import begin
@@ -46,9 +47,7 @@ def advance_block(
             state = start.state_in(scenario)
         none = jnp.zeros_like(lane.time)
         first = state, Excursion(none + NOWHERE, none, none)
-        state, excursion = jax.tree.map(
-            lambda new, old: jnp.where(fresh, new, old), first, (lane.state, lane.excursion)
-        )
+        state, excursion = where(fresh, first, (lane.state, lane.excursion))
         ends_first = over & (period == 1)
         peak = jnp.where(ends_first, excursion.peak, excursion.first_peak)
         lane = lane._replace(

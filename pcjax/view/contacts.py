@@ -33,7 +33,7 @@ def contacts_at(
     reach, half = float(scenario.body.radius), 0.5 * float(scenario.hand.thickness)
     around = np.clip(time + 0.5 * recording.dt * np.array([-1, 0, 1]), 0.0, recording.seconds)
     places = recording.path(around)
-    angles = np.interp(around, recording.times, _known(recording.angle))
+    angles = np.interp(around, recording.times, recording.angle)
     took = max(around[2] - around[0], 1e-12)
     velocity, spin = (places[2] - places[0]) / took, (angles[2] - angles[0]) / took
     corners, rounding = placed_outline(scenario.body, places[1], float(angles[1]))
@@ -48,12 +48,6 @@ def contacts_at(
     arm = where - places[1]
     moves = velocity + spin * np.stack([-arm[:, 1], arm[:, 0]], axis=-1)
     return where, moves - normal * (moves * normal).sum(axis=-1, keepdims=True)
-
-
-def _known(angle: Float[np.ndarray, " states"] | None) -> Float[np.ndarray, " states"]:
-    if angle is None:
-        raise ValueError("an object without an angle")
-    return angle
 
 
 def _nearest(

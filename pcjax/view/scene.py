@@ -69,13 +69,13 @@ def draw_scene(axis: Axes, recording: Recording, frames: Frames, k: int) -> None
     draw_limbs(axis, frames.in_world(recording.hand, k), thickness, zorder=3)
     axis.plot(*frames.in_world(recording.goal, k).T, color=COLOURS[2], ls="--", lw=1.2, zorder=2)
     centre = frames.in_world(frames.position[k : k + 1], k)[0]
-    angle = None if frames.angle is None else frames.angle[k] + frames.turn[k]
+    angle = float(frames.angle[k] + frames.turn[k])
     scenario = recording.scenario
     # A circle without friction keeps its angle: there is nothing to be seen of it.
     marked = scenario.body.oriented or scenario.law.friction is not None
-    mark = None if angle is None or not marked else (centre, angle)
+    mark = (centre, angle) if marked else None
     draw_object(axis, *placed_outline(scenario.body, centre, angle), mark=mark)
-    if mark is not None:
+    if marked:
         draw_contacts(axis, recording, frames, k)
 
 

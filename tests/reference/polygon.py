@@ -183,6 +183,7 @@ def run(
             edges[i, 1] = (ahead[i, 1] - own[i, 1]) / length
             edges[i, 2] = length
     found = np.zeros((MOST, 5))
+    scene = (limbs, points, own, edges, reach, rounding, half)
     carried = arm[1] > 0.0
     inv = 1.0 / kappa if turns else 0.0
     gx, gy = goal[2] - goal[0], goal[3] - goal[1]
@@ -252,22 +253,7 @@ def run(
             clear -= (speed + 0.1) * dt
             if clear <= 0.0:
                 c, s = math.cos(turned), math.sin(turned)
-                near = _contacts(
-                    limbs,
-                    points,
-                    own,
-                    edges,
-                    reach,
-                    rounding,
-                    half,
-                    hx,
-                    hy,
-                    c,
-                    s,
-                    *before,
-                    2.0,
-                    found,
-                )
+                near = _contacts(*scene, hx, hy, c, s, *before, 2.0, found)
                 least = 2.0
                 for a in range(near):
                     least = min(least, found[a, 4])
@@ -349,22 +335,7 @@ def run(
                         hy += my
                         turned += mt * inv
                         c, s = math.cos(turned), math.sin(turned)
-                        near = _contacts(
-                            limbs,
-                            points,
-                            own,
-                            edges,
-                            reach,
-                            rounding,
-                            half,
-                            hx,
-                            hy,
-                            c,
-                            s,
-                            *before,
-                            2.0,
-                            found,
-                        )
+                        near = _contacts(*scene, hx, hy, c, s, *before, 2.0, found)
                         worst = 0.0
                         for a in range(near):
                             worst = max(worst, -found[a, 4])

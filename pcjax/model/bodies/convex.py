@@ -21,6 +21,7 @@ from pcjax.model.bodies.base import (
 )
 from pcjax.model.bodies.outline import (
     MOST_VERTICES,
+    SKIN,
     Corners,
     check_convex,
     counterclockwise,
@@ -28,10 +29,6 @@ from pcjax.model.bodies.outline import (
     least_width,
     moments,
 )
-
-SKIN = 2e-4
-"""Least share of a body's radius by which its polygon is rounded: wide enough that rounding errors
-cannot hide on which side of a limb it is, and far thinner than anything else."""
 
 
 def rounding_field() -> Any:

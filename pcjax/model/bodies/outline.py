@@ -15,6 +15,13 @@ from pcjax.geometry import Scalar, Vec, unit_and_length
 
 MOST_VERTICES = 16
 
+SKIN = 2e-4
+"""Least share of a body's radius by which its polygon is rounded (0.01 for the paper's stick).
+
+Wide enough that rounding errors cannot hide on which side of a limb it is, and thousands of times
+thinner than anything else in the paper's settings.
+"""
+
 Corners = tuple[tuple[Scalar, Scalar], ...]
 
 

@@ -14,13 +14,7 @@ from pcjax.model.bodies.base import (
     size_field,
     turns_field,
 )
-
-SKIN = 2e-4
-"""Share of a stick's half length at which it is held off the limbs (0.01 for the paper's stick).
-
-Wide enough that rounding cannot hide on which side of a limb the stick is, and thousands of times
-thinner than anything else in the paper's settings.
-"""
+from pcjax.model.bodies.outline import SKIN
 
 
 @register_body("stick")

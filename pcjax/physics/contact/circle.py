@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Sequence
 
@@ -155,10 +154,7 @@ def bounce(
     depths = [radius - distance for _, distance in seen]
     times = [begun(end, normal, depth, dt) for (normal, _), depth in zip(seen, depths, strict=True)]
     swapped = times[1] > times[0]
-    first, second = (
-        jax.tree.map(functools.partial(jnp.where, swapped), contacts[1 - k], contacts[k])
-        for k in (0, 1)
-    )
+    first, second = (where(swapped, contacts[1 - k], contacts[k]) for k in (0, 1))
     penetration = jnp.where(swapped, depths[1], depths[0])
 
     back = _way_back(end, jnp.maximum(times[0], times[1]))

@@ -16,13 +16,11 @@ import jax
 import jax.numpy as jnp
 
 from pcjax.geometry import (
-    Flag,
     Integers,
     Scalar,
     Segment,
     Vec,
     bits,
-    fence,
     fence_all,
     pick,
     stacked,
@@ -221,9 +219,3 @@ def nearest_contacts(
         return eqx.combine(fence_all(numbers, barrier), kinds)
 
     return [contact(key) for key in best]
-
-
-def decided(flag: Flag, barrier: Scalar) -> Flag:
-    """The flag, computed once: where the compiler works it out anew for each use, rounding may turn
-    it out differently."""
-    return fence(jnp.where(flag, barrier, 0.0 * barrier), barrier) > 0.5

@@ -19,6 +19,7 @@ from pcjax.geometry import (
     first_root,
     stacked,
     unit_and_length,
+    where,
 )
 from pcjax.model.scenario import World
 from pcjax.physics.contact.manifold import (
@@ -52,7 +53,8 @@ def while_kept(
     near = margins.near
     size = outline.reach + skin
     turn = jnp.minimum(LARGEST_TURN, cube_root(6.0 * near / size))
-    turn = turn * size / outline_or_one(outline)
+    # A single vertex is moved by no turn.
+    turn = turn * size / jnp.maximum(outline.reach, 1e-9)
     turned = first_root(turn, -jnp.abs(path.spin), -jnp.abs(path.twist))
     longest = fence(jnp.where(any_of(loaded), jnp.minimum(longest, turned), longest), barrier)
     ahead = jnp.minimum(longest, 1.0)
@@ -89,11 +91,6 @@ def while_kept(
         ends = jnp.where(strays, jnp.minimum(ends, astray), ends)
         longest = fence(jnp.where(on, jnp.minimum(longest, ends), longest), barrier)
     return longest
-
-
-def outline_or_one(outline: Outline) -> Scalar:
-    """The longest arm, or a tiny length for a single vertex, which no turn moves."""
-    return jnp.maximum(outline.reach, 1e-9)
 
 
 def while_apart(
@@ -187,9 +184,7 @@ def while_apart(
                     best, low = candidate, lower
                 else:
                     better = lower > low
-                    best = jax.tree.map(
-                        lambda new, old, better=better: jnp.where(better, new, old), candidate, best
-                    )
+                    best = where(better, candidate, best)
                     low = jnp.maximum(lower, low)
             assert best is not None
             *gaps, edge = fence_all(best, barrier)

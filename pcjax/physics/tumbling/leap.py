@@ -99,7 +99,7 @@ def tumble(
     deepest = jnp.maximum(flight.deepest, -apart)
     new = Tumble(position, velocity, angle, spin, time, leaps, verdict, deepest)
     new = _seen_from_ground(new, leg)
-    return jax.tree.map(lambda a, b: jnp.where(moves, a, b), new, ground)
+    return where(moves, new, ground)
 
 
 LEAPS_IN_A_STEP = 400

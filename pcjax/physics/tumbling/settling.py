@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 
 from pcjax.geometry import (
@@ -13,13 +12,15 @@ from pcjax.geometry import (
     Flag,
     Scalar,
     Vec,
+    decided,
     fence,
     fence_all,
     unit_and_length,
+    where,
 )
 from pcjax.model.contact import ContactLaw
 from pcjax.model.motion import Leg
-from pcjax.physics.contact.manifold import ON_EDGE, ON_END, Contact, decided, left_of
+from pcjax.physics.contact.manifold import ON_EDGE, ON_END, Contact, left_of
 from pcjax.physics.pushes import NOT_NEEDED, least_pushes
 from pcjax.physics.rigid import (
     Direction,
@@ -126,11 +127,7 @@ def _meet(
         for a in range(1, len(touches)):
             faster = approach[a] > fastest
             other = rows.normals[a], rows.tangents[a], approach[a]
-            normal, tangent, fastest = jax.tree.map(
-                lambda new, old, faster=faster: jnp.where(faster, new, old),
-                other,
-                (normal, tangent, fastest),
-            )
+            normal, tangent, fastest = where(faster, other, (normal, tangent, fastest))
         normal, tangent, fastest = fence_all((normal, tangent, fastest), barrier)
         hits = fastest > law.resting_speed
         pushed, rubbed = impact(
