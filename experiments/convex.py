@@ -39,15 +39,15 @@ from pcjax.model.bodies.convex import Capsule, Polygon, Rectangle, RegularPolygo
 from pcjax.model.bodies.stick import Stick
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.arm import PlanarArm
-from pcjax.model.drives.wrist import TiltProfile, WristTilt
+from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does
 from pcjax.physics.state import INVALID, RUNNING
 from pcjax.physics.tumbling.flight import Tumble
-from pcjax.physics.tumbling.leap import tumble
 from pcjax.simulate.batch import run
 from pcjax.simulate.choose import choose_engine
 from pcjax.simulate.convex import ConvexLeaps
+from tests.flights import STEADY, leap, pulled, released
 from tests.reference.trials import escape_times
 
 RESULTS = Path(__file__).parent / "results"
@@ -237,9 +237,6 @@ def keep_limits(args: argparse.Namespace) -> None:
 
 # --------------------------------------------------------------------------------------- energy
 
-STAYING = WristTilt(ramp_time=0.1, period=1e4)
-"""Flights begin after its ramp, and end before its period does, so that the pull stays."""
-
 
 def energy_growth(scenario: Scenario, lanes: int, leaps: int, seed: int = 0) -> dict[str, Any]:
     """The largest growth of energy in a leap, as a share of the flight's largest so far; how many
@@ -264,8 +261,8 @@ def energy_growth(scenario: Scenario, lanes: int, leaps: int, seed: int = 0) -> 
         count = jnp.zeros((), jnp.int32)
         radius = jnp.asarray(body.radius)
         goal = world.goal
-        # In the middle of the hand, where nothing touches it yet.
-        high = radius + a[0] * (goal.a.y - 2 * radius)
+        # In the middle of the hand and below its fingertips, where nothing touches it yet.
+        high = radius + a[0] * (0.6 * goal.a.y - radius)
         place = Vec((2 * a[1] - 1) * 0.2 * scenario.hand.palm_length, high)
         speed, way = 200.0 * a[2], 2 * math.pi * a[3]
         velocity = Vec(speed * jnp.cos(way), speed * jnp.sin(way))
@@ -273,15 +270,13 @@ def energy_growth(scenario: Scenario, lanes: int, leaps: int, seed: int = 0) -> 
         lean = (2 * a[4] - 1) * math.pi / 6
         pull = Vec(9.8 * jnp.sin(lean), -9.8 * jnp.cos(lean))
         spin = (2 * a[6] - 1) * 200.0 / radius
-        begin = zero + STAYING.ramp_time
-        first = Tumble(place, velocity, 2 * math.pi * a[5], spin, begin, count, count, zero)
-        none = Vec(zero, zero)
-        profile = TiltProfile(none, none, pull)
+        first = released((place.x, place.y), (velocity.x, velocity.y), 2 * math.pi * a[5], spin)
+        profile = pulled(pull.x, pull.y)
 
-        def leap(_: Any, carried: Any) -> Any:
+        def one(_: Any, carried: Any) -> Any:
             flight, most, growth, changes = carried
             before = energy(flight, pull)
-            new = tumble(world, profile, zero + 1.0, flight)
+            new = leap(world, profile, flight, jnp.inf)
             after = energy(new, pull)
             # From the lowest that the pull lets it get: the palm, all but.
             lowest = -pull.dot(Vec(jnp.sign(pull.x) * 0.5 * scenario.hand.palm_length, zero))
@@ -293,7 +288,7 @@ def energy_growth(scenario: Scenario, lanes: int, leaps: int, seed: int = 0) -> 
             return new, most, growth, changes + (going & (pushed > 1e-3 * (1 + speed)))
 
         start = (first, zero + 1e-6, zero, count)
-        flight, _, growth, changes = jax.lax.fori_loop(0, leaps, leap, start)
+        flight, _, growth, changes = jax.lax.fori_loop(0, leaps, one, start)
         return growth, changes, flight.status == INVALID
 
     keys = jax.random.split(jax.random.key(seed), lanes)
@@ -314,7 +309,7 @@ def energies(args: argparse.Namespace) -> None:
                 for restitution in (0.0, 0.5, 1.0):
                     law = ContactLaw(restitution=restitution, friction=friction)
                     with jax.enable_x64(bits == 64):
-                        scenario = does(box_hand(), BODIES[name], STAYING, law)
+                        scenario = does(box_hand(), BODIES[name], STEADY, law)
                         row = energy_growth(scenario, args.lanes, args.leaps)
                     first = {"body": name, "bits": bits, "friction": friction or 0.0}
                     append(path, {**first, "restitution": restitution, **row})

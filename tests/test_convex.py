@@ -15,18 +15,16 @@ from scipy.integrate import solve_ivp
 import pcjax
 from benchmarks import pymunk_scene
 from benchmarks.inputs import as_arrays, solid_of
-from pcjax.geometry import Vec
 from pcjax.model.bodies.base import Body
-from pcjax.model.drives.wrist import TiltProfile
 from pcjax.model.scenario import Scenario
 from pcjax.physics.pushes import NOT_NEEDED, least_pushes
 from pcjax.physics.rigid import impact
-from pcjax.physics.state import INVALID, RUNNING
+from pcjax.physics.state import INVALID
 from pcjax.physics.tumbling.flight import Tumble
-from pcjax.physics.tumbling.leap import tumble
 from pcjax.simulate.batch import run
 from pcjax.simulate.convex import ConvexLeaps
 from pcjax.simulate.event import EventDriven
+from tests.flights import STEADY, flown, pulled, released
 from tests.reference import polygon as reference
 from tests.reference.trials import escape_times
 
@@ -200,8 +198,6 @@ def test_least_pushes_pull_at_nothing_and_leave_nothing_out() -> None:
 
 # ------------------------------------------------------------------------------- slopes, by hand
 
-WRIST = pcjax.WristTilt(ramp_time=0.1, period=3.1)
-
 
 def slid(
     body: Body,
@@ -212,7 +208,7 @@ def slid(
 ) -> Tumble:
     """A body that lies on the palm for 3 s under a steady pull, at (0, height)."""
     law = pcjax.ContactLaw(friction=friction, drag=drag)
-    scenario = pcjax.does(pcjax.box_hand(), body, WRIST, law)
+    scenario = pcjax.does(pcjax.box_hand(), body, STEADY, law)
     return _slid(scenario, jnp.asarray(pull), jnp.asarray(speed))
 
 
@@ -221,18 +217,8 @@ def _slid(scenario: Scenario, pull: jax.Array, speed: jax.Array) -> Tumble:
     world, zero = scenario.world(), jnp.zeros(())
     body: Any = scenario.body
     lowest = jnp.stack([vertex.y for vertex in body.vertices]).min()
-    start = Vec(zero, body.skin - lowest)
-    none = Vec(zero, zero)
-    profile = TiltProfile(none, none, Vec(pull[0], pull[1]))
-    count = jnp.zeros((), jnp.int32)
-    first = Tumble(start, Vec(speed, zero), zero, zero, zero + 0.1, count, count, zero)
-
-    def going(flight: Tumble) -> jax.Array:
-        return (flight.time < 3.1) & (flight.status == RUNNING) & (flight.leaps < 2000)
-
-    return jax.lax.while_loop(
-        going, lambda flight: tumble(world, profile, zero + 1.0, flight), first
-    )
+    first = released((zero, body.skin - lowest), (speed, zero), zero, zero)
+    return flown(world, pulled(pull[0], pull[1]), first, 3.0)
 
 
 def test_a_block_sticks_slides_brakes_and_tips() -> None:
