@@ -325,8 +325,12 @@ def _carried(
     )
     steady = NEVER + 0.0 * free.x
     for on, stick, one, tangent in zip(loaded, sticks, each, rows.tangents, strict=True):
-        slip, change = tangent.speed(moving), tangent.speed(acceleration) + one.bend_along
-        brakes = on & ~stick & (slip * change < 0)
-        stop = jnp.abs(slip) / jnp.where(brakes, jnp.abs(change), 1.0)
+        # Against the slip of before: where what clears away an approach has turned it, friction
+        # would go on to drive the body.
+        way = jnp.sign(one.slip)
+        slip = way * tangent.speed(moving)
+        change = way * (tangent.speed(acceleration) + one.bend_along)
+        brakes = on & ~stick & (change < 0)
+        stop = jnp.maximum(slip, 0.0) / jnp.where(brakes, -change, 1.0)
         steady = jnp.where(brakes, jnp.minimum(steady, stop), steady)
     return moving, acceleration, working, loaded, fence(steady, barrier)
