@@ -201,7 +201,7 @@ def test_an_inspection_fits() -> None:
     assert "cannot be run" in fits(repr(pcjax.inspect(far)))
 
 
-@pytest.mark.parametrize("path", sorted(RESULTS.glob("*.nc")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(RESULTS.glob("fig*.nc")), ids=lambda path: path.stem)
 def test_a_figure_fits(path: Path) -> None:
     fits(figure_table(load_dataset(path)))
 
