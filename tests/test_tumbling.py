@@ -11,7 +11,7 @@ import pytest
 
 import pcjax
 from pcjax.model.bodies.base import Body
-from pcjax.physics.state import INVALID
+from pcjax.physics.state import INVALID, RUNNING
 from pcjax.physics.tumbling.flight import Tumble
 from tests.flights import BEGIN, STEADY, flown, leap, pulled, released
 
@@ -123,3 +123,48 @@ def test_friction_does_not_drive_what_it_has_stopped() -> None:
     end = rested(first)
     assert float(end.position.x) == pytest.approx(place[0], abs=0.01)
     assert float(jnp.hypot(end.velocity.x, end.velocity.y)) < 0.2
+
+
+def test_a_flat_landing_is_one_impact_in_its_middle() -> None:
+    """A square that lands flat, sliding: one impulse in the middle of its base, with e = 1, both
+    ways and in both precisions. After it neither corner approaches."""
+    friction, side, fall, slip = 0.1, 60.0, 50.0, 40.0
+    body = pcjax.Square(side, 0.5)
+
+    @jax.jit
+    def landed(first: Tumble) -> Tumble:
+        law = pcjax.ContactLaw(restitution=1.0, friction=friction)
+        world = pcjax.does(pcjax.box_hand(), body, STEADY, law).world()
+        zero = 0.0 * first.spin
+        return leap(world, pulled(zero, zero - 9.8), first, 1e-4)
+
+    for bits in (32, 64):
+        with jax.enable_x64(bits == 64):
+            for way in (1.0, -1.0):
+                place, velocity = (0.0, side / 2), (way * slip, -fall)
+                (x, y), (vx, vy) = map(jnp.asarray, place), map(jnp.asarray, velocity)
+                end = landed(released((x, y), (vx, vy), jnp.asarray(0.0), jnp.asarray(0.0)))
+                rubbed = -way * friction * 2 * fall
+                assert float(end.velocity.y) == pytest.approx(fall, rel=1e-4)
+                assert float(end.velocity.x) == pytest.approx(way * slip + rubbed, rel=1e-4)
+                spin = rubbed * (side / 2) * float(body.per_gyration) ** 2
+                assert float(end.spin) == pytest.approx(spin, rel=1e-4)
+
+
+def test_a_body_stays_in_its_corner_for_as_long_as_the_pull_stays() -> None:
+    """Without friction nothing but its contacts holds a stick; for 3,000 s in 32 bits."""
+
+    @jax.jit
+    def rested(first: Tumble) -> Tumble:
+        law = pcjax.ContactLaw(restitution=0.0)
+        world = pcjax.does(pcjax.box_hand(), pcjax.Stick(35.0), STEADY, law).world()
+        zero = 0.0 * first.spin
+        return flown(world, pulled(zero + 1.0, zero - 9.7), first, 3000.0)
+
+    zero = jnp.zeros(20)
+    x = jnp.linspace(-50.0, 50.0, 20)
+    end = jax.vmap(rested)(released((x, zero + 100.0), (zero + 20.0, zero), zero + 0.3, zero))
+    assert np.all(np.asarray(end.status) == RUNNING)
+    assert np.all(np.asarray(end.time) >= BEGIN + 3000.0)
+    # Along the palm, or on end in the corner.
+    assert np.all(np.minimum(abs(end.position.y), abs(end.position.y - 35.0)) < 0.01)

@@ -272,8 +272,17 @@ def run(
                                     fastest, first = -vn, a
                         if first < 0:
                             break
-                        rx, ry = found[first, 2] - hx, found[first, 3] - hy
+                        # A face that lands flat hits in the middle of its contacts.
                         nx, ny = found[first, 0], found[first, 1]
+                        rx = ry = alike = 0.0
+                        for a in range(near):
+                            if found[a, 4] < 0.0 and nx * found[a, 0] + ny * found[a, 1] > 0.999:
+                                ax, ay = found[a, 2] - hx, found[a, 3] - hy
+                                vn = (ux - uw * ay) * nx + (uy + uw * ax) * ny
+                                if -vn >= 0.999 * fastest:
+                                    rx, ry, alike = rx + ax, ry + ay, alike + 1.0
+                        rx, ry = rx / alike, ry / alike
+                        fastest = -((ux - uw * ry) * nx + (uy + uw * rx) * ny)
                         cn, ct = (rx * ny - ry * nx) * inv, (rx * nx + ry * ny) * inv
                         vt = -(ux - uw * ry) * ny + (uy + uw * rx) * nx
                         jn, jt = collide(fastest, vt, cn, ct, mu, e)

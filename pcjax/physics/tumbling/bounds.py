@@ -56,6 +56,12 @@ def while_kept(
     # A single vertex is moved by no turn.
     turn = turn * size / jnp.maximum(outline.reach, 1e-9)
     turned = first_root(turn, -jnp.abs(path.spin), -jnp.abs(path.twist))
+    # And before what rounding leaves of acceleration against a limb has done so.
+    force = path.working
+    pull = jnp.abs(force.x) + jnp.abs(force.y) + jnp.abs(force.turn)
+    drifted = jnp.sqrt(near / (16 * float(jnp.finfo(jnp.result_type(pull)).eps) * (pull + 1e-9)))
+    moves = (path.acceleration.dot(path.acceleration) > 0) | (path.twist != 0)
+    turned = jnp.where(moves, jnp.minimum(turned, drifted), turned)
     longest = fence(jnp.where(any_of(loaded), jnp.minimum(longest, turned), longest), barrier)
     ahead = jnp.minimum(longest, 1.0)
     twist = jnp.abs(path.twist)

@@ -39,6 +39,9 @@ CONTACTS = 4
 IMPACTS = 3
 """Impacts of a leap. Where more follow each other, the leap ends where it began."""
 
+ALIKE = 1e-3
+"""Share by which approaches, and normals, differ in a face that lands flat."""
+
 LARGEST_BRAKE = 0.02
 """Largest share of a speed that drag takes in one leap."""
 
@@ -82,7 +85,7 @@ def settled_by(
     gyration = gyration_of(per_gyration)
     turning = flight.spin * gyration
     moving = Rate(flight.velocity.x, flight.velocity.y, turning)
-    moving, closing = _meet(law, rows, touches, moving, barrier)
+    moving, closing = _meet(law, found, rows, touches, moving, per_gyration, barrier)
     free, longest = _free(law, flight.position, touches, moving, leg, left, gyration, margins)
     free = Rate(*fence_all(tuple(free), barrier))
     moving, acceleration, working, loaded, steady = _carried(
@@ -109,10 +112,17 @@ def settled_by(
 
 
 def _meet(
-    law: ContactLaw, rows: Rows, touches: Sequence[Flag], moving: Rate, barrier: Scalar
+    law: ContactLaw,
+    found: Sequence[Contact],
+    rows: Rows,
+    touches: Sequence[Flag],
+    moving: Rate,
+    per_gyration: Scalar,
+    barrier: Scalar,
 ) -> tuple[Rate, Flag]:
-    """Impacts (14)-(17), with friction, one after the other, the fastest approach first. What is
-    left below the resting speed is met by all contacts at once, without rebound."""
+    """Impacts (14)-(17), with friction, one after the other, the fastest approach first. Contacts
+    of a face that lands flat are one impact, in their middle: which is the faster is rounding. What
+    is left below the resting speed is met by all contacts at once, without rebound."""
     friction = 0.0 if law.friction is None else law.friction
 
     def closing_speeds(moving: Rate) -> list[Scalar]:
@@ -123,15 +133,22 @@ def _meet(
 
     def met(moving: Rate) -> Rate:
         approach = closing_speeds(moving)
-        normal, tangent, fastest = rows.normals[0], rows.tangents[0], approach[0]
-        for a in range(1, len(touches)):
-            faster = approach[a] > fastest
-            other = rows.normals[a], rows.tangents[a], approach[a]
-            normal, tangent, fastest = where(faster, other, (normal, tangent, fastest))
-        normal, tangent, fastest = fence_all((normal, tangent, fastest), barrier)
+        facing, fastest = found[0].normal, approach[0]
+        for one, speed in zip(found[1:], approach[1:], strict=True):
+            faster = speed > fastest
+            facing, fastest = where(faster, (one.normal, speed), (facing, fastest))
+        facing, fastest = fence_all((facing, fastest), barrier)
+        lever, number = Vec(0.0 * fastest, 0.0 * fastest), 0.0
+        for one, speed in zip(found, approach, strict=True):
+            alike = (speed >= (1.0 - ALIKE) * fastest) & (facing.dot(one.normal) > 1.0 - ALIKE)
+            share = jnp.where(alike, 1.0, 0.0)
+            lever, number = lever + one.lever * share, number + share
+        lever = fence_all(lever * (1.0 / jnp.maximum(number, 1.0)), barrier)
+        normal = Direction.of(facing, lever, per_gyration, barrier)
+        tangent = Direction.of(left_of(facing), lever, per_gyration, barrier)
         hits = fastest > law.resting_speed
         pushed, rubbed = impact(
-            jnp.maximum(fastest, 0.0),
+            jnp.maximum(-normal.speed(moving), 0.0),
             tangent.speed(moving),
             normal.lever,
             tangent.lever,
