@@ -19,7 +19,7 @@ def escape_times(
 ) -> np.ndarray:
     """When each trial escapes, s; `seconds` if it does not, nan where it went wrong.
 
-    The object is convex and starts at its `orientation`; the drive is the wrist or the arm.
+    The object is convex and starts at its `orientation`, if it has one; the drive is the wrist or the arm.
     """
     body: Any = scenario.body
     drive: Any = scenario.drive
@@ -35,7 +35,8 @@ def escape_times(
 
     drawn = jax.jit(jax.vmap(draw))(np.arange(trials))
     x, y, draws = (np.asarray(part, float) for part in drawn)
-    starts = np.stack([x, y, np.full(trials, float(body.orientation))], 1)
+    orientation = float(getattr(body, "orientation", 0.0))
+    starts = np.stack([x, y, np.full(trials, orientation)], 1)
     if arm:
         low, high, first = (np.array(joints) for joints in (drive.low, drive.high, drive.rest))
         links = np.array([drive.mount_angle, *drive.lengths[:2]], float)
