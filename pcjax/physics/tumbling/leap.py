@@ -189,4 +189,4 @@ def _due(path: Path, per_gyration: Scalar, wait: Scalar) -> Scalar:
     has, due = twice(velocity, spin), twice(path.velocity, path.spin) + 2.0 * work
     moves = has > 0
     # Within bounds, for where it all but stops.
-    return jnp.sqrt(jnp.where(moves, jnp.clip(due / jnp.where(moves, has, 1.0), 0.96, 1.04), 1.0))
+    return jnp.sqrt(jnp.where(moves, jnp.clip(due / jnp.where(moves, has, 1.0), 1e-6, 1.04), 1.0))

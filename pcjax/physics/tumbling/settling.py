@@ -39,6 +39,9 @@ CONTACTS = 4
 IMPACTS = 3
 """Impacts of a leap. Where more follow each other, the leap ends where it began."""
 
+JAM = 0.1
+"""How much more than a contact needs it may be given, as a share of the pull."""
+
 ALIKE = 1e-3
 """Share by which approaches, and normals, differ in a face that lands flat."""
 
@@ -333,7 +336,13 @@ def _carried(
     working = free.plus_all(along_tangents, slipping)
     still = jnp.maximum(jnp.maximum(jnp.abs(moving.x), jnp.abs(moving.y)), jnp.abs(moving.turn))
     strength = unit_and_length(Vec(free.x, free.y))[1] + 1e-9
-    rests = (still < margins.slow) & at_rest_under(rows, stays, ratio, free, strength)
+    # Where forces that grow with what they cause find no balance, the body is jammed and stops.
+    jams = jnp.asarray(False)
+    for on, need, normal in zip(loaded, needs, rows.normals, strict=True):
+        given = normal.speed(acceleration) - normal.speed(free)
+        jams = jams | (on & (given - need * normal.size > JAM * strength))
+    rests = (still < margins.slow) | jams
+    rests = rests & at_rest_under(rows, stays, ratio, free, strength)
     rests = decided(rests, barrier)
     moving = Rate(*(jnp.where(rests, 0.0, part) for part in moving))
     acceleration = Rate(*(jnp.where(rests, 0.0, part) for part in acceleration))
