@@ -68,6 +68,10 @@ def tumble(
     left = fence(change - flight.time, barrier)
     settled = settled_by(law, found, flight, leg, left, per_gyration, margins, barrier)
     path, loaded = settled.path, settled.loaded
+    # Being put back to touching has turned it, by so little that this is first order.
+    shifted = path.angle - flight.angle
+    turned = fence_all((cosine - sine * shifted, sine + cosine * shifted), barrier)
+    outline = Outline.of(shape.vertices, *turned, barrier)
     longest = jnp.minimum(left, settled.steady)
     longest = while_kept(longest, found, loaded, outline, skin, half, path, margins, barrier)
     wait, apart = while_apart(longest, world, outline, rounding, path, margins, barrier)
