@@ -122,16 +122,20 @@ def while_apart(
     jolt = fence(3.0 * twist * most + most * most * most, barrier)
     square = fence(path.spin * path.spin, barrier)
     reach = outline.reach
+    now = unit_and_length(velocity)[1] + spin * reach
 
-    def until(gap: Scalar, speed: Scalar, true: Scalar, bound: Scalar, jerk: Scalar) -> Scalar:
+    def until(
+        gap: Scalar, speed: Scalar, true: Scalar, bound: Scalar, jerk: Scalar, unsure: Scalar
+    ) -> Scalar:
         """When a gap may close.
 
         Its second derivative is `true` now and at least `bound`; of its third, `jerk` is a bound.
+        Below the speed `unsure` rounding decides whether it opens.
         """
         cut = gap < -2.0 * near
         gap = jnp.maximum(gap, 0.0)
         touches = (gap <= near) & (speed > -noise)
-        opens = speed > noise
+        opens = speed > unsure
         # One that closes and is no contact of its own, such as a joint about to be reached: a floor
         # keeps the leap from ending where it starts.
         floor = jnp.where(touches, near / 64, near / 4)
@@ -162,7 +166,10 @@ def while_apart(
         # Once for both components: across a tiny distance rounding would turn the direction.
         beyond, across = fence_all((beyond, across), barrier)
         offset = left_of(limb.tangent) * across + limb.tangent * beyond
-        normal = fence_all(unit_and_length(offset)[0], barrier)
+        normal, distance = fence_all(unit_and_length(offset), barrier)
+        # Rounding of the place turns a direction from a limb's end, the more the closer that is.
+        turned = jnp.where(beyond != 0, near / 16 / jnp.maximum(distance, near / 16), 0.0)
+        unsure = fence(noise + now * turned, barrier)
         base = normal.dot(limb.start) + jnp.maximum(0.0, normal.dot(limb.tangent) * limb.length)
         height, falls, drop = fence_all(
             (normal.dot(position) - base - rounding, normal.dot(velocity), normal.dot(pulled)),
@@ -176,7 +183,8 @@ def while_apart(
             bound = straight - length * (most * most + twist * swing)
             gap = height + up
             falling = falls + path.spin * lever
-            reached = jnp.minimum(reached, until(gap, falling, true, bound, length * jolt))
+            time = until(gap, falling, true, bound, length * jolt, unsure)
+            reached = jnp.minimum(reached, time)
             apart = jnp.minimum(apart, gap)
         reached, apart = fence_all((jnp.minimum(reached, horizon), apart), barrier)
 
@@ -210,7 +218,8 @@ def while_apart(
                 swept = most * hard + twist * fast + most * most * fast
                 jerk = 3.0 * swept + jolt * wide
                 falling = falls + path.spin * lever
-                soonest = jnp.minimum(soonest, until(gap, falling, true, bound, jerk))
+                time = until(gap, falling, true, bound, jerk, noise)
+                soonest = jnp.minimum(soonest, time)
             room = jnp.minimum(*gaps)
             by_edge = jnp.where(room > -near, soonest, 0.0)
             reached = jnp.maximum(reached, jnp.minimum(by_edge, horizon))
