@@ -71,15 +71,16 @@ DRIVES: dict[str, Any] = {
     "wrist, g = 98": (OPEN, WristTilt(gravity=98.0)),
     "arm": (ARM_HAND, PlanarArm()),
 }
-STEPS = {"wrist": 0.001, "wrist, g = 98": 0.00025, "arm": 0.001}
+STEPS = {"wrist": 0.001, "wrist, g = 98": 0.0005, "arm": 0.001}
 """The reference's steps, s."""
 
 AGAIN = (
     ("wrist", "square", 0.35, 0.0005),
     ("wrist", "capsule", 0.0, 0.0005),
     ("arm", "square", 0.35, 0.0005),
-    ("wrist, g = 98", "stick", 0.1, 0.0005),
+    ("wrist, g = 98", "stick", 0.1, 0.00025),
     ("wrist, g = 98", "stick", 0.1, 0.001),
+    ("wrist, g = 98", "stick", 0.0, 0.00025),
 )
 """What is repeated with another step."""
 

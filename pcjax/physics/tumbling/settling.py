@@ -42,6 +42,10 @@ IMPACTS = 3
 JAM = 0.1
 """How much more than a contact needs it may be given, as a share of the pull."""
 
+BRIEF = 1e-3
+"""Seconds in which what pulls gives a body the speed below which two contacts that can hold it at
+rest do so."""
+
 ALIKE = 1e-3
 """Share by which approaches, and normals, differ in a face that lands flat."""
 
@@ -341,7 +345,10 @@ def _carried(
     for on, need, normal in zip(loaded, needs, rows.normals, strict=True):
         given = normal.speed(acceleration) - normal.speed(free)
         jams = jams | (on & (given - need * normal.size > JAM * strength))
-    rests = (still < margins.slow) | jams
+    # In a wedge slips that alternate would take it there in ever smaller steps.
+    wedged = sum(jnp.where(on, 1, 0) for on in loaded) > 1
+    slow = jnp.maximum(margins.slow, jnp.where(wedged, BRIEF * strength, 0.0))
+    rests = (still < slow) | jams
     rests = rests & at_rest_under(rows, stays, ratio, free, strength)
     rests = decided(rests, barrier)
     moving = Rate(*(jnp.where(rests, 0.0, part) for part in moving))
