@@ -95,9 +95,12 @@ def settled_by(
     moving, closing = _meet(law, found, rows, touches, moving, per_gyration, barrier)
     free, longest = _free(law, flight.position, touches, moving, leg, left, gyration, margins)
     free = Rate(*fence_all(tuple(free), barrier))
+    met = moving
     moving, acceleration, working, loaded, steady = _carried(
         law, found, rows, touches, moving, free, per_gyration, margins, barrier
     )
+    # While there are impacts left, nothing but impacts changes what the body does.
+    moving = Rate(*(jnp.where(closing, a, b) for a, b in zip(met, moving, strict=True)))
     steady = fence(jnp.minimum(steady, longest), barrier)
     # Those that carry the body touch it, so that drift does not add up until they let go of it.
     nowhere = 0.0 * flight.time
