@@ -14,6 +14,7 @@ from pcjax.model.bodies.base import Body
 from pcjax.physics.state import INVALID, RUNNING
 from pcjax.physics.tumbling.flight import Tumble
 from tests.flights import BEGIN, STEADY, flown, leap, pulled, released
+from tests.reference.polygon import collide
 
 pytestmark = pytest.mark.usefixtures("quick_programs")
 
@@ -149,6 +150,62 @@ def test_a_flat_landing_is_one_impact_in_its_middle() -> None:
                 assert float(end.velocity.x) == pytest.approx(way * slip + rubbed, rel=1e-4)
                 spin = rubbed * (side / 2) * float(body.per_gyration) ** 2
                 assert float(end.spin) == pytest.approx(spin, rel=1e-4)
+
+
+@pytest.mark.parametrize(("restitution", "friction"), [(0.1, 0.0), (0.1, 0.1), (0.6, 0.1)])
+def test_a_body_that_wedges_meets_one_impact_after_the_other(
+    restitution: float, friction: float
+) -> None:
+    """A triangle slides along a finger until its slope hits the fingertip's end: some twenty
+    impacts of finger and tip in turn, by a plain loop with the reference's law for one of them."""
+    speed, resting = 155.0, 0.05
+    body = pcjax.Polygon(TRIANGLE, 1.0)
+    hand = pcjax.box_hand(math.radians(-20), gap_width=400.0)
+    with jax.enable_x64(True):
+        tip = np.array([float(part) for part in jax.tree.leaves(hand.limbs()[3].end)])
+        own = np.array([[float(one.x), float(one.y)] for one in body.vertices])
+        per_gyration = float(body.per_gyration)
+        lower, right, upper = own[np.argsort(own @ [1.0, 10.0])][[0, 1, 2]]
+        slope = np.array([upper[1] - right[1], right[0] - upper[0]])
+        slope /= np.linalg.norm(slope)
+        x = float(hand.limbs()[1].start.x) + 1.0 - lower[0]
+        y = tip[1] - (slope @ right + 1.0 - slope[0] * (tip[0] - x)) / slope[1]
+        side = np.array([1.0, 0.0])
+        contacts = [(side, upper - side), (side, lower - side), (-slope, tip - [x, y])]
+
+        velocity, spin = np.array([0.0, speed]), 0.0
+        while True:
+            closing = [
+                -(velocity + spin * np.array([-lever[1], lever[0]])) @ normal
+                for normal, lever in contacts
+            ]
+            k = int(np.argmax(closing))
+            if closing[k] <= resting:
+                break
+            normal, lever = contacts[k]
+            along = np.array([-normal[1], normal[0]])
+            cn, ct = (
+                per_gyration * (lever[0] * way[1] - lever[1] * way[0]) for way in (normal, along)
+            )
+            slip = (velocity + spin * np.array([-lever[1], lever[0]])) @ along
+            push, rub = collide(closing[k], slip, cn, ct, friction, restitution)
+            velocity = velocity + push * normal + rub * along
+            spin += per_gyration * (push * cn + rub * ct)
+
+        law = pcjax.ContactLaw(restitution, resting, friction=friction or None)
+        scenario = pcjax.does(hand, body, STEADY, law)
+
+        @jax.jit
+        def wedged(first: Tumble) -> Tumble:
+            zero = 0.0 * first.spin
+            return flown(scenario.world(), pulled(zero, zero), first, 1.001 / speed)
+
+        zero = jnp.asarray(0.0)
+        start = released((zero + x, zero + y - 1.0), (zero, zero + speed), zero, zero)
+        end = wedged(start)
+    found = [float(end.velocity.x), float(end.velocity.y), float(end.spin) / per_gyration]
+    expected = [*velocity, spin / per_gyration]
+    np.testing.assert_allclose(found, expected, atol=4 * resting)
 
 
 def test_a_body_stays_in_its_corner_for_as_long_as_the_pull_stays() -> None:
