@@ -126,8 +126,7 @@ def conditions() -> Iterator[tuple[str, str, float, float]]:
         for body in BODIES:
             for friction in FRICTIONS:
                 yield drive, body, friction, STEPS[drive]
-    for one in AGAIN:
-        yield one
+    yield from AGAIN
 
 
 def draw(rows: list[dict[str, str]], path: Path) -> None:
