@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pcjax.compiling import compiled_quickly
-from pcjax.geometry import Vec
+from pcjax.geometry import NEVER, Vec
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.checking import check_geometry
 from pcjax.model.contact import ContactLaw
@@ -265,7 +265,12 @@ def _growth(scenario: Scenario, draws: jax.Array, leaps: int) -> tuple[jax.Array
             return jnp.asarray(0.5 * velocity.dot(velocity) - held.dot(position))
 
         def by_leap(flight: Flight, _: None) -> tuple[Flight, jax.Array]:
-            moved = leap(world, profile, drive.ramp_time, flight)
+            moved = leap(
+                world,
+                drive.swing(profile, flight.time, EventDriven().drift * world.contact_radius),
+                NEVER,
+                flight,
+            )
             before = energy(flight.position, flight.velocity)
             after = energy(moved.position, moved.velocity)
             return moved, jnp.where(moved.status == RUNNING, after - before, 0.0)

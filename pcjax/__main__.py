@@ -15,6 +15,7 @@ def main() -> NoReturn:
     would be lost, or end in a crash.
     """
     signal.signal(signal.SIGINT, _at_once)
+    fuse_outputs()
     from pcjax import cli
 
     status: object = 0
@@ -28,6 +29,21 @@ def main() -> NoReturn:
         sys.stderr.flush()
         os._exit(status)
     sys.exit(status)  # pyright: ignore[reportArgumentType]
+
+
+FUSES = ("0.10.",)
+"""Versions of jaxlib, as they begin, with which every program of this package was compiled so."""
+
+
+def fuse_outputs() -> None:
+    """Lets XLA put what has the same inputs into one loop on the CPU: trials are up to twice as
+    fast. It is an option of the whole process, which has to be there before JAX is."""
+    from importlib.metadata import version
+
+    option = "xla_cpu_use_multi_output_fusion"
+    flags = os.environ.get("XLA_FLAGS", "")
+    if version("jaxlib").startswith(FUSES) and "xla_backend_extra_options" not in flags:
+        os.environ["XLA_FLAGS"] = f"{flags} --xla_backend_extra_options={option}".strip()
 
 
 def _at_once(*_: object) -> NoReturn:

@@ -1,14 +1,185 @@
-"""How programs are compiled that run for a moment."""
+"""How programs are compiled, and kept for the next process where somebody wants that."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
-from typing import Any, TypeVar
+import hashlib
+import os
+import pickle
+import platform
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
 
 import jax
+import jaxlib.version
+import numpy as np
+from jax.experimental import serialize_executable
 
 R = TypeVar("R")
+
+
+class Shelf(Protocol):
+    """Where compiled programs are kept."""
+
+    def get(self, key: str) -> bytes | None:
+        """What is kept under a key; None if there is nothing, or it is damaged."""
+        ...
+
+    def put(self, key: str, value: bytes) -> None:
+        """Keeps something.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        ...
+
+    def aside(self) -> AbstractContextManager[None]:
+        """JAX looks nothing up and keeps nothing meanwhile, on this thread: a program that it had
+        kept cannot be kept once more."""
+        ...
+
+
+_shelf: Shelf | None = None
+
+
+def keep_on(shelf: Shelf | None) -> None:
+    """Where `Kept` programs of this process are looked for and kept; None for nowhere."""
+    global _shelf
+    _shelf = shelf
+
+
+class Kept:
+    """`jax.jit` of a function, whose programs may be kept: then a later process traces nothing.
+
+    What is kept is the compiler's own: it is found only by the same sources of this package, with
+    the same versions, settings and processor, for arguments of the same structure, shapes and
+    types. With classes that are none of this package's nothing is kept.
+
+    Arguments:
+        function: of pytrees.
+        options: the compiler's.
+    """
+
+    def __init__(self, function: Callable[..., Any], options: Mapping[str, Any]):
+        self._function = function
+        self._options = dict(options)
+        self._usual = jax.jit(function, compiler_options=self._options)
+        self._known: dict[Any, Callable[[list[Any]], Any]] = {}
+        self._lock = threading.Lock()
+
+    @property
+    def count(self) -> int:
+        """How many programs this process has of it."""
+        usual: Any = self._usual
+        return len(self._known) + usual._cache_size()
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        shelf = _shelf
+        if shelf is None or jax.default_backend() != "cpu":
+            return self._usual(*args, **kwargs)
+        leaves, structure = jax.tree.flatten((args, kwargs))
+        kinds = tuple((np.shape(leaf), *_type_of(leaf)) for leaf in leaves)
+        known = structure, kinds, bool(jax.config.values["jax_enable_x64"])
+        if not _is_ours(structure):
+            return self._usual(*args, **kwargs)
+        with self._lock:
+            program = self._known.get(known)
+            if program is None:
+                program = self._known[known] = self._program(shelf, leaves, known)
+        return program(leaves)
+
+    def _program(self, shelf: Shelf, leaves: list[Any], known: Any) -> Any:
+        """From the shelf, where it has been seen to run; or compiled and put there."""
+        which = f"{self._function.__module__}.{self._function.__qualname__}"
+        described = repr((which, sorted(self._options.items()), known, _surroundings()))
+        key = f"{self._function.__name__}-{hashlib.sha256(described.encode()).hexdigest()}"
+        structure = known[0]
+        kept = shelf.get(key)
+        if kept is not None:
+            try:
+                content, found = pickle.loads(kept)
+                run = serialize_executable.deserialize_and_load(*content)
+                jax.block_until_ready(run(leaves))
+                return functools.partial(_called, run, jax.tree.structure(found))
+            except Exception:
+                # Whatever is wrong with it, it can be compiled.
+                pass
+        result = None
+
+        @functools.wraps(self._function)
+        def flat(leaves: list[Any]) -> list[Any]:
+            nonlocal result
+            args, kwargs = jax.tree.unflatten(structure, leaves)
+            out, result = jax.tree.flatten(self._function(*args, **kwargs))
+            return out
+
+        with shelf.aside():
+            compiled = jax.jit(flat, compiler_options=self._options).lower(leaves).compile()
+        assert result is not None
+        found = jax.tree.unflatten(result, range(result.num_leaves))
+        try:
+            content = pickle.dumps((serialize_executable.serialize(compiled), found))
+            shelf.put(key, content)
+        except (OSError, ValueError, TypeError, pickle.PicklingError):
+            pass  # then the next process compiles it
+        return functools.partial(_called, compiled, result)
+
+
+def _called(run: Any, result: Any, leaves: list[Any]) -> Any:
+    return jax.tree.unflatten(result, run(leaves))
+
+
+def _type_of(leaf: Any) -> tuple[str, bool]:
+    """The type of an argument, and whether it gives way to others'."""
+    if isinstance(leaf, (bool, int, float)):
+        return type(leaf).__name__, True
+    return str(leaf.dtype), bool(getattr(leaf, "weak_type", False))
+
+
+def _is_ours(structure: Any) -> bool:
+    """Whether a pytree is made of this package's classes and built-in ones alone."""
+    data = structure.node_data()
+    if data is not None:
+        module = data[0].__module__.partition(".")[0]
+        if module not in (__name__.partition(".")[0], "builtins"):
+            return False
+    return all(map(_is_ours, structure.children()))
+
+
+@functools.cache
+def _surroundings() -> str:
+    """Everything that a compiled program depends on beside its arguments."""
+    package = Path(__file__).parent
+    sources = [
+        (str(path.relative_to(package)), (facts := path.stat()).st_size, facts.st_mtime_ns)
+        for path in sorted(package.rglob("*.py"))
+    ]
+    settings = {name: value for name, value in jax.config.values.items() if "cache" not in name}
+    settings.pop("jax_enable_x64", None)
+    settings.pop("jax_default_device", None)
+    return repr(
+        (
+            sources,
+            sorted((name, repr(value)) for name, value in settings.items()),
+            os.environ.get("XLA_FLAGS"),
+            (jax.__version__, jaxlib.version.__version__, np.__version__, sys.version),
+            (platform.platform(), _processor()),
+        )
+    )
+
+
+def _processor() -> str:
+    """What the processor is and can do."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return f"{platform.machine()} {platform.processor()}"
+    wanted = ("model name", "flags", "Features", "CPU part")
+    return "\n".join(dict.fromkeys(line for line in lines if line.startswith(wanted)))
 
 
 @functools.cache
@@ -47,7 +218,9 @@ def compiled_quickly(function: Callable[..., R], **static: Any) -> Callable[...,
 
     @functools.cache
     def program() -> Any:  # asked for in the first call: nothing is compiled on import
-        return jax.jit(function, compiler_options=quick_options(), **static)
+        if static:
+            return jax.jit(function, compiler_options=quick_options(), **static)
+        return Kept(function, quick_options())
 
     @functools.wraps(function)
     def call(*args: Any, **kwargs: Any) -> R:

@@ -1,14 +1,23 @@
-"""What compiles anew: no number of a study does."""
+"""What compiles anew: no number of a study does; and what is kept for the next process."""
 
 from __future__ import annotations
 
+import contextlib
+import pickle
+import subprocess
+import sys
 from dataclasses import replace
 from typing import Any
 
+import equinox as eqx
 import jax
+import numpy as np
 import pytest
 
-from pcjax.compiling import compiled_quickly, quick_options
+from pcjax import compiling
+from pcjax.cli import compilation_cache
+from pcjax.compiling import Kept, compiled_quickly, quick_options
+from pcjax.geometry import Vec
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.arm import PlanarArm
@@ -30,10 +39,10 @@ def test_no_number_compiles_anew() -> None:
 
     def compiled(engine: Engine, *scenarios: Scenario) -> int:
         """How many programs these need that were not there."""
-        before = programs._cache_size()
+        before = programs.count
         for scenario in scenarios:
             run([scenario], engine=engine, trials=4, max_steps=10_000)
-        return programs._cache_size() - before
+        return programs.count - before
 
     def wrist(**changes: float) -> Scenario:
         return does(hand, Circle(25.0), WristTilt(**changes), ContactLaw(0.3))
@@ -60,6 +69,75 @@ def test_no_number_compiles_anew() -> None:
     for engine in (leaping, stepping):
         assert compiled(replace(engine, goal_layer=0.2), wrist()) <= 1
         assert compiled(replace(engine, goal_layer=0.7), wrist(), wrist(period=8.0)) == 0
+
+
+class Drawer:
+    """A shelf for one process."""
+
+    def __init__(self) -> None:
+        self.kept: dict[str, bytes] = {}
+
+    def get(self, key: str) -> bytes | None:
+        return self.kept.get(key)
+
+    def put(self, key: str, value: bytes) -> None:
+        self.kept[key] = value
+
+    def aside(self) -> Any:
+        return contextlib.nullcontext()
+
+
+@pytest.fixture
+def drawer(monkeypatch: pytest.MonkeyPatch) -> Drawer:
+    drawer = Drawer()
+    monkeypatch.setattr(compiling, "_shelf", drawer)
+    # What JAX has kept cannot be kept once more.
+    monkeypatch.setattr(compilation_cache._aside, "value", True, raising=False)
+    return drawer
+
+
+def test_what_is_kept_is_not_traced_again_and_what_is_damaged_is_compiled(drawer: Drawer) -> None:
+    traced = []
+
+    def scaled(points: list[Vec], factor: Any) -> dict[str, Vec]:
+        traced.append(factor)
+        return {"sum": (points[0] + points[1]) * factor}
+
+    def outcome(count: int = 3) -> Vec:
+        ones = np.ones(count, np.float32)
+        return Kept(scaled, {})([Vec(ones, ones), Vec(ones, 2 * ones)], np.float32(3))["sum"]
+
+    first = outcome()
+    assert (len(traced), len(drawer.kept)) == (1, 1)
+    second = outcome()
+    assert len(traced) == 1
+    np.testing.assert_array_equal(second.y, first.y)
+    assert np.asarray(first.y).tolist() == [9.0, 9.0, 9.0]
+    (key,) = drawer.kept
+    for damaged in (b"", drawer.kept[key][:-200], pickle.dumps(((b"", 0, 0), 1))):
+        drawer.kept[key] = damaged
+        before = len(traced)
+        np.testing.assert_array_equal(outcome().y, first.y)
+        assert len(traced) == before + 1
+    outcome(4)
+    assert len(drawer.kept) == 2
+
+
+def test_programs_of_other_peoples_classes_are_not_kept(drawer: Drawer) -> None:
+    class Mine(eqx.Module):
+        x: Any
+
+    doubled = Kept(lambda mine: mine.x * 2, {})
+    assert float(doubled(Mine(np.float32(2)))) == 4.0
+    assert not drawer.kept
+    assert doubled.count == 1
+
+
+def test_evaluating_waits_for_no_library_that_it_may_not_need() -> None:
+    """In a process of its own."""
+    code = "import sys, pcjax.cli.evaluate; print(*{'xarray', 'scipy', 'optax'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
 
 
 def test_options_that_the_compiler_does_not_know_are_left_out(

@@ -23,7 +23,6 @@ from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.state import INVALID, PASSED, RUNNING
 from pcjax.simulate.batch import run
-from pcjax.simulate.bursts import DRIFT
 from pcjax.simulate.choose import choose_engine
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
 from pcjax.simulate.event import EventDriven
@@ -51,15 +50,16 @@ def flight(x: float, y: float, vx: float = 0.0, vy: float = 0.0, time: float = 2
     return Flight(place, velocity, jnp.asarray(time), zero, zero)
 
 
-def hop(scenario: Scenario, profile: TiltProfile, before: Flight) -> Flight:
-    """The state after one leap."""
-    return _hop(*strong((scenario, profile, before)))
+def hop(scenario: Scenario, profile: TiltProfile, before: Flight, longest: float = NEVER) -> Flight:
+    """The state after one leap, of at most `longest` seconds where gravity turns."""
+    return _hop(*strong((scenario, profile, before, longest)))
 
 
 @compiled_quickly
-def _hop(scenario: Scenario, profile: TiltProfile, before: Flight) -> Flight:
-    interval = scenario.drive.steady_interval(DRIFT * scenario.body.radius)
-    return leap(scenario.world(), profile, interval, before)
+def _hop(scenario: Scenario, profile: TiltProfile, before: Flight, longest: jax.Array) -> Flight:
+    drift = EventDriven().drift * scenario.body.radius
+    swing = scenario.drive.swing(profile, before.time, drift)
+    return leap(scenario.world(), swing, longest, before)
 
 
 def leaps(scenario: Scenario, profile: TiltProfile, begin: Flight, most: int = 400) -> list[Flight]:
@@ -191,7 +191,6 @@ def clearance_along(radius: float, angle: float, back: bool, trial: int) -> tupl
     """Least clearance within the leaps of a trial, and the largest rise in energy."""
     condition = scenario(radius, angle, back=back, restitution=0.5)
     limbs, drive = condition.hand.limbs(), condition.drive
-    interval = drive.steady_interval(DRIFT * condition.body.radius)
     key, before = trial_key(5, trial), jnp.zeros(2)
     start = condition.start(start_draws(key, 3))
     now = flight(float(start.x), float(start.y), time=0.0)
@@ -209,18 +208,31 @@ def clearance_along(radius: float, angle: float, back: bool, trial: int) -> tupl
         now = eqx.tree_at(lambda f: f.time, now, jnp.asarray(0.0))
         while float(now.time) < 10 and int(now.status) == RUNNING:
             after = hop(condition, profile, now)
-            pull = numbers(drive.leg(profile, now.time, interval).pull)
             span = float(after.time - now.time)
-            # The straight or parabolic path between two states with the same acceleration.
-            shares = np.linspace(0, 1, 9)
-            p, v, w, q = map(numbers, (now.position, now.velocity, after.velocity, after.position))
-            mean = 2 * (q - p) / max(span, 1e-12) - w  # the velocity just after the leap's start
-            bend = (w - mean) / max(span, 1e-12)
-            t = shares[:, None] * span
-            points = p + mean * t + 0.5 * bend * t * t
+            shares, weights = (
+                np.linspace(0, 1, 9),
+                np.array([7, 32, 12, 32, 14, 32, 12, 32, 7]) / 180,
+            )
+            if float(now.time) < 1 - 1e-6:
+                # Shorter leaps from the same state.
+                parts = [hop(condition, profile, now, max(share, 1e-9) * span) for share in shares]
+                points = np.array([numbers(part.position) for part in parts])
+                speeds = np.array([numbers(part.velocity) for part in parts])
+                swing = drive.swing(profile, now.time, EventDriven().drift * radius)
+                times = np.minimum(float(now.time) + shares * span, float(swing.turns_until) - 3e-6)
+                pulls = [numbers(swing.around(jnp.asarray(time))[0]) for time in times]
+            else:
+                # The path between two states with the same acceleration.
+                p, w, q = map(numbers, (now.position, after.velocity, after.position))
+                first = 2 * (q - p) / max(span, 1e-12) - w  # just after the leap's start
+                bend = (w - first) / max(span, 1e-12)
+                t = shares[:, None] * span
+                points, speeds = p + first * t + 0.5 * bend * t * t, first + bend * t
+                pulls = np.tile(numbers(profile.held), (9, 1))
             least = min(least, float(np.min(clear(points[:, 0], points[:, 1]))) - radius)
-            gained = 0.5 * (w @ w - v @ v) - pull @ (q - p)
-            rise = max(rise, gained)
+            work = span * weights @ np.einsum("ij,ij->i", speeds, pulls)  # Boole's rule
+            v, w = numbers(now.velocity), numbers(after.velocity)
+            rise = max(rise, 0.5 * (w @ w - v @ v) - work)
             now = after
     return least, rise
 
@@ -236,7 +248,7 @@ def clearance_along(radius: float, angle: float, back: bool, trial: int) -> tupl
 def test_nothing_happens_within_a_leap(condition: tuple[float, float, bool], trial: int) -> None:
     least, rise = clearance_along(*condition, trial)
     assert least > -1e-3 * condition[0]  # an arc's chord lies inside it by 5e-4 radii at most
-    assert rise < 1e-6
+    assert rise < 1e-4  # of some hundreds; Boole leaves 1e-5
 
 
 SPREAD = {

@@ -27,7 +27,7 @@ LAYERS = (
     ("simulate",),
     ("physics",),
     ("model",),
-    ("geometry", "components", "checks", "units", "words", "progress", "compiling"),
+    ("geometry", "components", "checks", "units", "words", "progress", "compiling", "importing"),
 )
 """Top to bottom: the modules and folders directly under pcjax/. A module may import from its own
 layer and from those below. A new one fails the tests until it has its place here."""

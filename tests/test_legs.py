@@ -12,7 +12,7 @@ import pytest
 import pcjax
 from pcjax.geometry import Vec
 from pcjax.model.drives.base import Drive
-from pcjax.model.motion import Leg
+from pcjax.model.motion import Leg, Swing
 
 ARM, HAND = pcjax.PlanarArm(), pcjax.two_joint_hand()
 
@@ -64,3 +64,45 @@ def test_a_leg_is_the_free_motion_of_a_short_step(drive: Drive, error: float) ->
                 [then.x, then.y], [reached.x, reached.y], rtol=0, atol=20 * scale / dt
             )
             assert float(leg.until) >= time + dt * (1 - 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "gravity", "drift"),
+    [(0.52, 9.8, 0.01), (0.52, 9.8, 2e-4), (1.57, 98.0, 2e-4), (0.1, 9.8, 1e-3)],
+)
+def test_a_swing_leads_astray_by_no_more_than_it_may(
+    amplitude: float, gravity: float, drift: float
+) -> None:
+    """Eight swings of a wrist, the widest there are among them: what the cubic's error moves an
+    object by within a piece, from sums over 400 parts of it; pieces follow each other, and the last
+    one holds what the wrist does."""
+    drive = pcjax.WristTilt(amplitude=amplitude, gravity=gravity)
+    rng = np.random.default_rng(0)
+    ends = [((0.0, 0.0), (1.0, 1.0)), ((0.0, 1.0), (1.0, 0.0)), *rng.random((6, 2, 2))]
+
+    def pulls(swing: Swing, profile: Any, times: jax.Array) -> tuple[Vec, Vec]:
+        cubic = jax.vmap(lambda time: swing.around(time)[0])(times)
+        true = jax.vmap(lambda time: drive.placement(profile, time).pull)(times)
+        return cubic, true
+
+    with jax.enable_x64(True):
+        compared = jax.jit(pulls)
+        for before, after in ends:
+            profile = drive.profile(jnp.asarray(before), jnp.asarray(after), False)
+            time = 0.0
+            while time < drive.ramp_time:
+                swing = drive.swing(profile, jnp.asarray(time), drift)
+                assert float(swing.since) == pytest.approx(time, abs=1e-9)
+                step = (float(swing.turns_until) - time) / 400
+                times = time + step * (jnp.arange(400.0) + 0.5)
+                cubic, true = compared(swing, profile, times)
+                wrong = np.array([cubic.x - true.x, cubic.y - true.y])
+                astray = np.cumsum(np.cumsum(wrong, 1), 1) * step**2
+                assert np.hypot(*astray).max() < drift
+                time = float(swing.until)
+            assert time == drive.period
+            held = swing.around(jnp.asarray(5.0))
+            there = drive.placement(profile, jnp.asarray(5.0)).pull
+            assert float(held[0].x) == pytest.approx(float(there.x), abs=1e-12)
+            assert float(held[0].y) == pytest.approx(float(there.y), abs=1e-12)
+            assert not any(float(part) for part in jax.tree.leaves(held[1:]))

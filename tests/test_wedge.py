@@ -78,7 +78,8 @@ def test_both_engines_give_what_successive_impacts_give(restitution: float, way:
         flight = Flight(
             Vec(jnp.asarray(touch), jnp.asarray(RADIUS)), velocity, jnp.zeros(()), zero, zero
         )
-        flight = event(world, profile, jnp.asarray(1.0), flight)
+        swing = drive.swing(profile, flight.time, 1e-3)
+        flight = event(world, swing, jnp.asarray(1.0), flight)
         assert int(flight.status) == RUNNING
         got = np.array([flight.velocity.x, flight.velocity.y])
         np.testing.assert_allclose(got, expected, atol=2e-3 * SPEED, err_msg=f"event, {degrees}")

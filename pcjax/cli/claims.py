@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import xarray as xr
-
 from pcjax.cli.parts import add_run, run_settings
+from pcjax.importing import xr
 from pcjax.paper.claims import FIGURES_NEEDED, judge_claims
 from pcjax.paper.figures import run_figure
 from pcjax.results.reading import load_dataset

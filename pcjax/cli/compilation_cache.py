@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import jax
 from jax._src import compilation_cache as jax_cache
 
+from pcjax.compiling import keep_on
 from pcjax.results.files import read_plain, sealed, unsealed
 from pcjax.results.saving import replacing
 
 VARIABLE = "PCJAX_CACHE"
 """Environment variable: a folder for compiled programs, or "off" to compile anew in every run."""
+
+MOST_BYTES = 300 * 2**20
+"""Size of the folder from which on what was written longest ago is removed."""
 
 OLDEST_JAX = (0, 10, 2)
 """Before this version XLA logs errors on stderr when it loads a program on many Intel CPUs."""
@@ -53,6 +60,24 @@ def use_compilation_cache() -> None:
     # A run starts some twenty small programs beside the large one: keep them as well.
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    keep_on(SealedCache(folder))
+
+
+_aside = threading.local()
+
+
+class _Jaxs:
+    """A cache as JAX uses it, which may be told to look away."""
+
+    def __init__(self, cache: SealedCache):
+        self._cache = cache
+
+    def get(self, key: str) -> bytes | None:
+        return None if getattr(_aside, "value", False) else self._cache.get(key)
+
+    def put(self, key: str, value: bytes) -> None:
+        if not getattr(_aside, "value", False):
+            self._cache.put(key, value)
 
 
 class SealedCache:
@@ -79,10 +104,35 @@ class SealedCache:
         """
         with replacing(self._entry(key)) as unfinished:
             unfinished.write_bytes(sealed(value, key))
+        self._make_room()
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """JAX finds and keeps nothing meanwhile, on this thread."""
+        _aside.value = True
+        try:
+            yield
+        finally:
+            _aside.value = False
+
+    def _make_room(self) -> None:
+        """Removes what was written longest ago where all is more than `MOST_BYTES`."""
+        facts = []
+        for path in self._path.glob("*-cache"):
+            with suppress(OSError):  # another process may be at it as well
+                one = path.stat()
+                facts.append((one.st_mtime, one.st_size, path))
+        total = sum(size for _, size, _ in facts)
+        for _, size, path in sorted(facts):
+            if total <= MOST_BYTES:
+                return
+            with suppress(OSError):
+                path.unlink()
+            total -= size
 
 
-def _file_cache(path: str) -> tuple[SealedCache, str]:
-    return SealedCache(Path(path)), path
+def _file_cache(path: str) -> tuple[_Jaxs, str]:
+    return _Jaxs(SealedCache(Path(path))), path
 
 
 def cache_folder() -> Path | None:

@@ -16,6 +16,7 @@ from pcjax.cli.parts import (
     save_picture,
     settle_outputs,
 )
+from pcjax.importing import results_meanwhile
 from pcjax.study.evaluate import evaluate_study
 
 
@@ -37,6 +38,7 @@ def _run(arguments: argparse.Namespace) -> None:
     study = condition(arguments)
     if study.sweep is not None:
         print("pcjax: the study's [sweep] is left out: 'pcjax sweep' runs it", file=sys.stderr)
+    results_meanwhile()
     result = evaluate_study(study, progress=True)
     if arguments.out:
         result.save(arguments.out)

@@ -11,8 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import xarray as xr
-
 from pcjax.cli.condition import (
     PARAMETERS,
     add_condition,
@@ -33,6 +31,7 @@ from pcjax.cli.parts import (
 from pcjax.design.map import MapPlan
 from pcjax.design.parameters import labelled
 from pcjax.design.space import DesignSpace, design_space
+from pcjax.importing import xr
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import OBJECTIVES, Surrogate
 from pcjax.results.map_csv import map_as_csv

@@ -6,10 +6,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-import xarray as xr
-
 from pcjax.cli.map import map_text
 from pcjax.cli.parts import add_outputs, check_picture, number, settle_outputs
+from pcjax.importing import xr
 from pcjax.model.scenario import DIRECTIONS
 from pcjax.paper.figures import check_figure
 from pcjax.paper.tables import figure_table

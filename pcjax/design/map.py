@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
-import xarray as xr
 from jaxtyping import Array, Bool, Float
 
 from pcjax.checks import check_count, check_kind
@@ -19,6 +18,7 @@ from pcjax.design.compare import score_all
 from pcjax.design.search import grid_lines
 from pcjax.design.space import DesignSpace
 from pcjax.geometry import Scalar
+from pcjax.importing import xr
 from pcjax.model.bodies.base import Body
 from pcjax.model.checking import fits, is_hand
 from pcjax.model.contact import ContactLaw

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import jax
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.optimize import nnls
 
 from pcjax.checks import check_between
 from pcjax.compiling import compiled_quickly
@@ -44,6 +43,8 @@ def nearest_within(
     excess = normals @ point - room
     if np.all(excess <= 0):
         return point
+    from scipy.optimize import nnls
+
     rows = np.vstack([-normals.T, excess])
     target = np.append(np.zeros(len(point)), 1.0)
     weights, miss = nnls(rows, target)

@@ -43,6 +43,11 @@ class Goal(eqx.Module):
         along = self.b - self.a
         return along.cross(point - self.a) / jnp.sqrt(along.dot(along))
 
+    def outwards(self) -> Vec:
+        """The unit vector square to the line, out of the hand."""
+        along, _ = unit_and_length(self.b - self.a)
+        return Vec(-along.y, along.x)
+
     def between(self, point: Vec) -> Flag:
         """Whether `point` projects onto the line between the two fingers."""
         along = self.b - self.a

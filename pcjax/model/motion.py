@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import equinox as eqx
 
-from pcjax.geometry import Scalar, Vec
+from pcjax.geometry import Flag, Scalar, Vec, where
 
 
 class Twist(eqx.Module):
@@ -105,3 +105,40 @@ class Leg(eqx.Module):
         if self.carry is None:
             return 0.0 * self.until
         return (self.carry.end.spin - self.carry.begin.spin) / self.carry.lasts
+
+
+class Swing(eqx.Module):
+    """What pulls at things in a hand that stays put, for a stretch of a period: a cubic in time,
+    and then what is held.
+
+    Attributes:
+        since: when the cubic begins, s of the period.
+        powers: its coefficients, of time since then to the power of 0 to 3.
+        turns_until: when it ends, s of the period.
+        held: what pulls from then on.
+        until: when the stretch ends, s of the period.
+    """
+
+    since: Scalar
+    powers: tuple[Vec, Vec, Vec, Vec]
+    turns_until: Scalar
+    held: Vec
+    until: Scalar
+
+    def turning(self, time: Scalar) -> Flag:
+        """Whether the pull changes at a time of the period, s."""
+        return time < self.turns_until * (1 - 1e-6)
+
+    def around(self, time: Scalar) -> tuple[Vec, Vec, Vec, Vec]:
+        """The cubic's coefficients about a time of the period, s."""
+        a, b, c, d = self.powers
+        t = time - self.since
+        turning = self.turning(time)
+        none = Vec(0.0 * t, 0.0 * t)
+        powers = (
+            a + (b + (c + d * t) * t) * t,
+            b + (c * 2.0 + d * (3.0 * t)) * t,
+            c + d * (3.0 * t),
+            d,
+        )
+        return where(turning, powers, (self.held, none, none, none))

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import xarray as xr
 
+from pcjax.importing import xr
 from pcjax.paper import constants as paper
 from pcjax.paper.figures import Curve, curve, score_curve
 from pcjax.results.schema import INDICES

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pcjax.importing import xr
 from pcjax.paper import constants as paper
 from pcjax.paper.figures import Curve, curve, score_curve
 from pcjax.results.schema import NAMES

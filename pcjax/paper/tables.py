@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-import xarray as xr
-
+from pcjax.importing import xr
 from pcjax.paper import constants as paper
 from pcjax.paper.figures import curve, score_curve
 from pcjax.quality.indices import Estimate

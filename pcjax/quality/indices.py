@@ -9,13 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 from jaxtyping import Bool, Float, Integer
-from scipy.optimize import root_scalar
-from scipy.special import ndtri
 
-_Z95 = float(ndtri(0.975))
+_Z95 = NormalDist().inv_cdf(0.975)
 
 _ROUNDS = 50
 """Slopes that are tried at most; a score takes about 5."""
@@ -213,6 +212,8 @@ def _weights(distance: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     < 0), whose saddlepoint has weights in proportion to 1 / (g + d_i); the tail is Lugannani and
     Rice's, in the form of Barndorff-Nielsen.
     """
+    from scipy.optimize import root_scalar
+
     count, farthest = len(distance), float(distance.max())
     if farthest <= 0:
         return np.full(count, 1 / count)

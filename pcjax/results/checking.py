@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
+from pcjax.importing import xr
 from pcjax.results.schema import (
     ATTRIBUTES,
     INDICES,

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
+from pcjax.importing import xr
 from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import INVALID

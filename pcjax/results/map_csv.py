@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 
+from pcjax.importing import xr
 from pcjax.results.checking import check_variables
 from pcjax.results.files import read_plain
 from pcjax.results.netcdf import message_of

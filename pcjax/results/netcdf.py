@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import h5py
-import xarray as xr
+
+from pcjax.importing import xr
 
 PATIENCE = 30.0
 """Seconds for that process, and as many again for each 100 MB."""

@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import xarray as xr
-
+from pcjax.importing import xr
 from pcjax.results.checking import check_dataset
 from pcjax.results.files import read_plain, unsealed
 from pcjax.results.netcdf import message_of, read_netcdf, try_netcdf

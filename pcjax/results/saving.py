@@ -8,8 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import xarray as xr
-
+from pcjax.importing import xr
 from pcjax.results.files import sealed
 
 

@@ -15,8 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
-import xarray as xr
-
+from pcjax.importing import xr
 from pcjax.model.scenario import DIRECTIONS
 from pcjax.physics.state import PAPER_DT
 from pcjax.quality.indices import Estimate

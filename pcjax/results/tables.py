@@ -9,8 +9,8 @@ from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
+from pcjax.importing import xr
 from pcjax.quality.indices import Estimate
 from pcjax.results.schema import NAMES, labels_of, place_of
 from pcjax.words import in_ascii

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
+from pcjax.importing import xr
 from pcjax.results.schema import INDICES, STATISTICS, KindName, dataset_of
 
 _NOT_KEPT = "not kept"

@@ -26,8 +26,9 @@ from pcjax.model.scenario import Scenario
 from pcjax.progress import progress_bar
 from pcjax.simulate.cloud import Cloud
 from pcjax.simulate.engine import Engine, How
-from pcjax.simulate.lanes import Lanes, Program
+from pcjax.simulate.lanes import Lanes
 from pcjax.simulate.outcomes import Outcomes
+from pcjax.simulate.rounds import Program
 from pcjax.simulate.workers import Ledger, advance_for, crew_of, work
 
 _BLOCK = {"cpu": 1024}

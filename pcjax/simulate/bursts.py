@@ -12,30 +12,31 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int
 
-from pcjax.geometry import Scalar
+from pcjax.geometry import Scalar, where
 from pcjax.model.scenario import World
 from pcjax.physics.state import INVALID, RUNNING, State
 from pcjax.simulate.batch import LaneEngine
 from pcjax.simulate.lanes import Lanes, lane_axes
 from pcjax.simulate.relaxation import Excursion, Layer
-
-DRIFT = 4e-4
-"""How far, in contact radii, taking gravity as constant for a while may lead the object astray."""
+from pcjax.simulate.rounds import Trials
 
 
 class LeapingEngine(LaneEngine):
     """An engine that leaps from event to event.
 
     Arguments:
-        burst: leaps between two looks at whose period is over.
+        burst: leaps between two looks at what follows a period's stretch.
         rounds: bursts in one call.
         budget: leaps in one period after which a trial ends as INVALID.
+        drift: how far, in contact radii, taking gravity as simpler than it is for a while may lead
+            the object astray.
         goal_layer: see `LaneEngine`.
     """
 
-    burst: int = eqx.field(default=8, static=True)
-    rounds: int = eqx.field(default=8, static=True)
+    burst: int = eqx.field(default=4, static=True)
+    rounds: int = eqx.field(default=16, static=True)
     budget: int = eqx.field(default=10_000, static=True)
+    drift: float = eqx.field(default=4e-4, static=True)
 
     bursts: ClassVar[type[Bursts]]
 
@@ -45,7 +46,7 @@ class LeapingEngine(LaneEngine):
 
     def program(self, period: float) -> Bursts:
         """What is compiled; the same for every period."""
-        return self.bursts(self.budget, self.goal_layer, self.burst, self.rounds)
+        return self.bursts(self.budget, self.drift, self.goal_layer, self.burst, self.rounds)
 
 
 class Bursts(eqx.Module):
@@ -56,12 +57,18 @@ class Bursts(eqx.Module):
     """
 
     budget: Int[Array, ""] | int
+    drift: Scalar
     goal_layer: Scalar | None
     burst: int = eqx.field(static=True)
     rounds: int = eqx.field(static=True)
 
     leap: ClassVar[Callable[..., Any]]
-    """From a world, a drive's profile, an interval and a flight to the flight after the leap."""
+    """From a world, a stretch and a flight to the flight after the leap."""
+
+    def stretch(self, world: World, profile: Any, time: Scalar) -> tuple[Any, Scalar]:
+        """What a leap has to know of the stretch of a period that begins at `time`, s; and when
+        that ends."""
+        raise NotImplementedError
 
     def taken_off(self, state: State, time: Array, leaps: Array) -> Any:
         """Flights from lanes' states, times in the period and leaps taken in it."""
@@ -71,40 +78,80 @@ class Bursts(eqx.Module):
         """The states of flights, but for their status and leaps."""
         raise NotImplementedError
 
-    def run(self, worlds: World, profiles: Any, lanes: Lanes) -> Lanes:
-        """Takes each trial `burst` leaps further, at most to the end of its period."""
-        intervals = jax.vmap(
-            lambda world: world.drive.steady_interval(DRIFT * world.contact_radius),
-            in_axes=(lane_axes(worlds),),
-        )(worlds)
+    def run(self, trials: Trials, lanes: Lanes) -> Lanes:
+        """Takes each trial `burst` times `rounds` leaps further, or to its end.
 
-        state = lanes.state
+        What follows a trial's stretch is known before the stretch is over, so that the next one
+        begins within a burst.
+        """
+        worlds, last_period = trials.worlds, trials.last_period
+        end = worlds.drive.period
         layers = Layer.all_of(worlds, self.goal_layer)
         if layers is not None:
             worlds = replace(worlds, goal=jax.vmap(Layer.farthest_goal)(layers))
+        axes = lane_axes(worlds)
+        each = jax.vmap(type(self).leap, in_axes=(axes, 0, 0))
+        stretches = jax.vmap(self.stretch, in_axes=(axes, 0, 0))
 
-        each = jax.vmap(type(self).leap, in_axes=(lane_axes(worlds), 0, 0, 0))
+        def move(stretch: Any, flights: Any, excursions: Excursion) -> tuple[Any, Excursion]:
+            moved = each(worlds, stretch, flights)
+            if layers is None:
+                return moved, excursions
+            time = moved.time - flights.time
+            excursions = jax.vmap(Layer.follow_leap)(
+                layers, excursions, flights.position, moved.position, moved.velocity, time
+            )
+            status = jax.vmap(Layer.verdict)(layers, moved.status, excursions)
+            return replace(moved, status=status), excursions
 
-        def one(carry: tuple[Any, Excursion], _: None) -> tuple[tuple[Any, Excursion], None]:
-            flights, excursions = carry
-            moved = each(worlds, profiles, intervals, flights)
-            if layers is not None:
-                time = moved.time - flights.time
-                excursions = jax.vmap(Layer.follow_leap)(
-                    layers, excursions, flights.position, moved.position, moved.velocity, time
+        def round(_: Any, carry: tuple[Any, ...]) -> tuple[Any, ...]:
+            flights, excursions, period, draws, profile, stretch, until = carry
+            ahead = trials.draws(period + 1)
+            profile_ahead = trials.profiles(draws, ahead, False)
+            ends = until >= end
+            after = where(ends, profile_ahead, profile), jnp.where(ends, 0.0, until)
+            stretch_after, until_after = stretches(worlds, *after)
+
+            def one(carry: tuple[Any, ...], _: None) -> tuple[tuple[Any, ...], None]:
+                flights, excursions, goes_on = carry
+                over = (flights.time >= until) & (flights.status == RUNNING) & ~goes_on
+                over = over & (~ends | (period < last_period))
+                goes_on = goes_on | over
+                anew = over & ends
+                flights = replace(
+                    flights,
+                    time=jnp.where(anew, 0.0, flights.time),
+                    leaps=jnp.where(anew, 0, flights.leaps),
                 )
-                moved = replace(
-                    moved, status=jax.vmap(Layer.verdict)(layers, moved.status, excursions)
-                )
-            return (moved, excursions), None
+                excursions = excursions.with_first_over(anew & (period == 0))
+                now = where(goes_on, stretch_after, stretch)
+                return (*move(now, flights, excursions), goes_on), None
 
-        leaps = jnp.where(lanes.time == 0, 0, state.steps)
-        flights = self.taken_off(state, lanes.time, leaps)
-        (flights, excursions), _ = jax.lax.scan(one, (flights, lanes.excursion), length=self.burst)
+            begin = flights, excursions, jnp.zeros_like(ends)
+            (flights, excursions, goes_on), _ = jax.lax.scan(one, begin, length=self.burst)
+            anew = goes_on & ends
+            return (
+                flights,
+                excursions,
+                period + anew.astype(period.dtype),
+                where(anew[:, None], ahead, draws),
+                where(anew, profile_ahead, profile),
+                where(goes_on, stretch_after, stretch),
+                jnp.where(goes_on, until_after, until),
+            )
+
+        lanes = trials.begun(lanes)
+        period, state = lanes.period, lanes.state
+        draws = trials.draws(period)
+        profile = trials.profiles(trials.draws(period - 1), draws, period == 0)
+        flights = self.taken_off(state, lanes.time, state.steps)
+        carry = flights, lanes.excursion, period, draws, profile
+        carry = *carry, *stretches(worlds, profile, lanes.time)
+        flights, excursions, period, *_ = jax.lax.fori_loop(0, self.rounds, round, carry)
         spent = (flights.leaps >= self.budget) & (flights.status == RUNNING)
         state = replace(
             self.landed(state, flights),
             steps=flights.leaps,
             status=jnp.where(spent, INVALID, flights.status),
         )
-        return lanes._replace(time=flights.time, state=state, excursion=excursions)
+        return lanes._replace(period=period, time=flights.time, state=state, excursion=excursions)

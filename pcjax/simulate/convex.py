@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 from jaxtyping import Array
 
-from pcjax.model.scenario import Scenario
+from pcjax.geometry import Scalar
+from pcjax.model.scenario import Scenario, World
 from pcjax.physics.state import State
 from pcjax.physics.step import by_leaps
 from pcjax.physics.tumbling.flight import Tumble
@@ -19,7 +21,17 @@ from pcjax.simulate.engine import register_engine
 class ConvexBursts(Bursts):
     """Leaps of a convex body."""
 
-    leap = tumble
+    def stretch(self, world: World, profile: Any, time: Scalar) -> tuple[Any, Scalar]:
+        """A whole period."""
+        drive = world.drive
+        interval = drive.steady_interval(self.drift * world.contact_radius)
+        return (profile, interval + 0.0 * time), drive.period + 0.0 * time
+
+    @staticmethod
+    def leap(world: World, stretch: Any, flight: Tumble) -> Tumble:
+        """The flight after one leap."""
+        profile, interval = stretch
+        return tumble(world, profile, interval, flight)
 
     def taken_off(self, state: State, time: Array, leaps: Array) -> Tumble:
         """Flights from lanes' states."""

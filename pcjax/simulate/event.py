@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from jaxtyping import Array
 
+from pcjax.geometry import NEVER, Scalar
 from pcjax.model.checking import gap_of
-from pcjax.model.scenario import Scenario
+from pcjax.model.scenario import Scenario, World
 from pcjax.physics.contact.circle import move_circle
 from pcjax.physics.contact.table import registered_contact
 from pcjax.physics.state import State
@@ -22,7 +24,19 @@ _LEAST_CLEARANCE = 1e-4
 class CircleBursts(Bursts):
     """Leaps of a circle."""
 
-    leap = leap
+    def stretch(self, world: World, profile: Any, time: Scalar) -> tuple[Any, Scalar]:
+        """Gravity as it swings, and how long a leap may be while it does."""
+        drift = self.drift * world.contact_radius
+        swing = world.drive.swing(profile, time, drift)
+        # A relaxed goal takes the acceleration of a leap as constant.
+        longest = NEVER if self.goal_layer is None else world.drive.steady_interval(drift)
+        return (swing, longest + 0.0 * time), swing.until
+
+    @staticmethod
+    def leap(world: World, stretch: Any, flight: Flight) -> Flight:
+        """The flight after one leap."""
+        swing, longest = stretch
+        return leap(world, swing, longest, flight)
 
     def taken_off(self, state: State, time: Array, leaps: Array) -> Flight:
         """Flights from lanes' states."""

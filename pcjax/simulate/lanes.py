@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Array, Float, Int, Int32
 
 from pcjax.geometry import Vec
-from pcjax.model.scenario import World
 from pcjax.physics.state import PASSED, RUNNING, State, at_rest
 from pcjax.simulate.relaxation import Excursion
 
@@ -75,23 +74,3 @@ class Lanes(NamedTuple):
 def lane_axes(batch: Any) -> Any:
     """The vmap axes of a batch: a leaf without an axis is the same for all lanes."""
     return jax.tree.map(lambda leaf: 0 if jnp.ndim(leaf) else None, batch)
-
-
-@runtime_checkable
-class Program(Protocol):
-    """An engine as it is compiled: a pytree, whose numbers are traced."""
-
-    @property
-    def rounds(self) -> int:
-        """How often in one call lanes whose period is over begin the next."""
-        ...
-
-    def run(self, worlds: World, profiles: Any, lanes: Lanes) -> Lanes:
-        """Takes lanes some way through their periods, at most to the end of them.
-
-        Arguments:
-            worlds, profiles: batches; every leaf has the lanes as its first axis, but for those
-                that all lanes share, which have none.
-            lanes: those with another status than RUNNING or whose period is over stay as they are.
-        """
-        ...

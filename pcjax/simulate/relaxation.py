@@ -15,9 +15,9 @@ from __future__ import annotations
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int
+from jaxtyping import Array, Bool, Int
 
-from pcjax.geometry import Scalar, Scalars, Vec, first_root, unit_and_length
+from pcjax.geometry import Scalar, Scalars, Vec, first_root
 from pcjax.model.hand import Channel, Goal, channel_between
 from pcjax.model.scenario import World
 from pcjax.physics.state import PASSED, RUNNING
@@ -42,6 +42,11 @@ class Excursion(eqx.Module):
     peak: Scalars
     first_peak: Scalars
     survival_time: Scalars
+
+    def with_first_over(self, over: Bool[Array, " lanes"]) -> Excursion:
+        """The same, where the first period may be over."""
+        first_peak = jnp.where(over, self.peak, self.first_peak)
+        return Excursion(self.peak, first_peak, self.survival_time)
 
 
 class Layer(eqx.Module):
@@ -70,8 +75,7 @@ class Layer(eqx.Module):
     def farthest_goal(self) -> Goal:
         """The last line of the layer: whoever crosses it is out for certain."""
         goal = self.channel.goal
-        along, _ = unit_and_length(goal.b - goal.a)
-        out = Vec(-along.y, along.x) * self.width
+        out = goal.outwards() * self.width
         return Goal(goal.a + out, goal.b + out)
 
     def follow(self, before: Excursion, end: Vec, time: Scalar) -> Excursion:

@@ -1,21 +1,103 @@
-"""What is compiled: a block of lanes, taken through some of their periods."""
+"""What is compiled: a block of lanes, taken some way through their trials."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, Key
 
 from pcjax.geometry import where
-from pcjax.model.scenario import Scenario
-from pcjax.physics.state import RUNNING
+from pcjax.model.scenario import Scenario, World
+from pcjax.physics.state import RUNNING, State
 from pcjax.physics.step import begin
 from pcjax.simulate.cloud import Cloud
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
-from pcjax.simulate.lanes import Lanes, Program, lane_axes
+from pcjax.simulate.lanes import Lanes, lane_axes
 from pcjax.simulate.relaxation import NOWHERE, Excursion
+
+
+class Trials(eqx.Module):
+    """What a call of a compiled program knows of its lanes' trials.
+
+    Attributes:
+        scenarios: a batch; every leaf has the lanes as its first axis, but for those that all lanes
+            share, which have none.
+        worlds: their kinematics, in the same form.
+        keys: the trials'.
+        last_period: the last one that a trial may begin.
+        starts: where they start, if not at the scenarios' starts.
+    """
+
+    scenarios: Scenario
+    worlds: World
+    keys: Key[Array, " lanes"]
+    last_period: Int[Array, ""]
+    starts: Cloud | None
+
+    @property
+    def count(self) -> int:
+        """Draws in a period."""
+        return self.scenarios.drive.targets_per_period
+
+    def begun(self, lanes: Lanes) -> Lanes:
+        """The lanes, of which those whose trial is about to begin are at its start."""
+        fresh = (lanes.state.status == RUNNING) & (lanes.period < 0)
+
+        def first(scenario: Scenario, key: jax.Array, start: Cloud | None) -> State:
+            if start is None:
+                return begin(scenario, start_draws(key, scenario.draws_for_start))
+            return start.state_in(scenario)
+
+        axes = lane_axes(self.scenarios), 0, 0
+        states = jax.vmap(first, in_axes=axes)(self.scenarios, self.keys, self.starts)
+        state = where(fresh, replace(states, clock=lanes.state.clock), lanes.state)
+        none = jnp.zeros_like(lanes.time)
+        return lanes._replace(
+            period=jnp.where(fresh, 0, lanes.period),
+            time=jnp.where(fresh, 0.0, lanes.time),
+            # All lanes share the clock.
+            state=replace(state, clock=lanes.state.clock),
+            excursion=where(fresh, Excursion(none + NOWHERE, none, none), lanes.excursion),
+        )
+
+    def draws(self, period: Int[Array, " lanes"]) -> Float[Array, "lanes targets"]:
+        """Of the drives' targets in a period; before the first, those that the starts know."""
+        drawn = jax.vmap(period_draws, (0, 0, None))(self.keys, jnp.maximum(period, 0), self.count)
+        if self.starts is None:
+            return drawn
+        return jnp.where((period < 0)[:, None], self.starts.draws, drawn)
+
+    def profiles(
+        self,
+        before: Float[Array, "lanes targets"],
+        draws: Float[Array, "lanes targets"],
+        first: Bool[Array, " lanes"] | bool,
+    ) -> Any:
+        """The drives' motions in a period."""
+        drives = self.scenarios.drive
+        first = jnp.broadcast_to(jnp.asarray(first) & (self.starts is None), draws.shape[:1])
+        return jax.vmap(
+            lambda drive, *drawn: drive.profile(*drawn), in_axes=(lane_axes(drives), 0, 0, 0)
+        )(drives, before, draws, first)
+
+
+@runtime_checkable
+class Program(Protocol):
+    """An engine as it is compiled: a pytree, whose numbers are traced."""
+
+    def run(self, trials: Trials, lanes: Lanes) -> Lanes:
+        """Takes lanes some way through their trials.
+
+        Arguments:
+            trials: what is known of them.
+            lanes: those with another status than RUNNING, and those at the end of their last
+                period, stay as they are.
+        """
+        ...
 
 
 def advance_block(
@@ -27,50 +109,14 @@ def advance_block(
     cloud: Cloud | None,
     lanes: Lanes,
 ) -> Lanes:
-    """One call of the program's `rounds` for a block of lanes."""
+    """One call of the program for a block of lanes."""
     scenarios = jax.tree.map(lambda leaf: leaf[lanes.condition] if leaf.ndim else leaf, stacked)
     axes = lane_axes(scenarios)
     worlds = jax.vmap(lambda scenario: scenario.world(), in_axes=(axes,))(scenarios)
     worlds = replace(worlds, drive=scenarios.drive)  # with what all lanes share as one number
     starts = None if cloud is None else jax.tree.map(lambda leaf: leaf[lanes.trial], cloud)
-
-    def next_period(scenario: Scenario, lane: Lanes, start: Cloud | None) -> tuple[Lanes, Any]:
-        drive = scenario.drive
-        over = (lane.time >= drive.period) & (lane.period < last_period)
-        over = over & (lane.state.status == RUNNING)
-        period = lane.period + over.astype(lane.period.dtype)
-        key = trial_key(seed, lane.trial)
-        fresh = over & (period == 0)
-        if start is None:
-            state = begin(scenario, start_draws(key, scenario.draws_for_start))
-        else:
-            state = start.state_in(scenario)
-        none = jnp.zeros_like(lane.time)
-        first = state, Excursion(none + NOWHERE, none, none)
-        state, excursion = where(fresh, first, (lane.state, lane.excursion))
-        ends_first = over & (period == 1)
-        peak = jnp.where(ends_first, excursion.peak, excursion.first_peak)
-        lane = lane._replace(
-            period=period,
-            time=jnp.where(over, 0.0, lane.time),
-            state=replace(state, clock=lane.state.clock),  # which stays the same for all lanes
-            excursion=replace(excursion, first_peak=peak),
-        )
-        before = period_draws(key, jnp.maximum(period - 1, 0), drive.targets_per_period)
-        draws = period_draws(key, period, drive.targets_per_period)
-        if start is not None:
-            before = jnp.where(period == 0, start.draws, before)
-        return lane, drive.profile(before, draws, (period == 0) & (start is None))
-
-    def round(_: Any, lanes: Lanes) -> Lanes:
-        each = lane_axes(lanes)
-        begun = jax.vmap(next_period, in_axes=(axes, each, 0), out_axes=(each, 0))
-        lanes, profiles = begun(scenarios, lanes, starts)
-        return program.run(worlds, profiles, lanes)
-
-    if program.rounds == 1:
-        return round(0, lanes)
-    return jax.lax.fori_loop(0, program.rounds, round, lanes)
+    keys = jax.vmap(trial_key, (None, 0))(seed, lanes.trial)
+    return program.run(Trials(scenarios, worlds, keys, last_period, starts), lanes)
 
 
 def roll(

@@ -26,6 +26,7 @@ from pcjax.simulate.draws import period_draws, start_draws, trial_key
 from pcjax.simulate.engine import register_engine
 from pcjax.simulate.lanes import Lanes, lane_axes
 from pcjax.simulate.relaxation import Excursion, Layer
+from pcjax.simulate.rounds import Trials
 
 _CHUNK = 50
 """Steps between two looks at whether anybody in the batch is still under way."""
@@ -156,13 +157,21 @@ class SteppingProgram(eqx.Module):
     goal_layer: Scalar | None
     chunk: int = eqx.field(static=True)
 
-    @property
-    def rounds(self) -> int:
-        """One call is one period."""
-        return 1
+    def run(self, trials: Trials, lanes: Lanes) -> Lanes:
+        """Takes a batch of trials, each at the end of a period, through the next one."""
+        over = (lanes.time >= trials.scenarios.drive.period) & (lanes.period < trials.last_period)
+        over = over & (lanes.state.status == RUNNING)
+        period = lanes.period + over.astype(lanes.period.dtype)
+        lanes = trials.begun(lanes)
+        lanes = lanes._replace(
+            period=period,
+            time=jnp.where(over, 0.0, lanes.time),
+            excursion=lanes.excursion.with_first_over(over & (period == 1)),
+        )
+        profiles = trials.profiles(trials.draws(period - 1), trials.draws(period), period == 0)
+        return self._through_period(trials.worlds, profiles, lanes)
 
-    def run(self, worlds: World, profiles: Any, lanes: Lanes) -> Lanes:
-        """Takes a batch of trials, each at its start, through one period of their drives."""
+    def _through_period(self, worlds: World, profiles: Any, lanes: Lanes) -> Lanes:
         dt = jnp.asarray(self.dt, jnp.result_type(worlds.body.radius))
         states = lanes.state
         axes = lane_axes(states)

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pcjax.checks import check_count
-from pcjax.compiling import compiled_quickly
+from pcjax.compiling import Kept, compiled_quickly
 from pcjax.geometry import Vec
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import Scenario
@@ -216,4 +216,4 @@ def work(
 
 @functools.cache
 def advance_for(platform: str) -> Callable[..., Any]:
-    return jax.jit(advance_block, compiler_options=_COMPILER_OPTIONS.get(platform))
+    return Kept(advance_block, _COMPILER_OPTIONS.get(platform, {}))

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from pcjax.checks import check_count
+from pcjax.importing import xr
 from pcjax.model.bodies.base import Body
 from pcjax.model.checking import check_geometry
 from pcjax.model.contact import ContactLaw

@@ -9,8 +9,8 @@ from dataclasses import astuple, replace
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
+from pcjax.importing import xr
 from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario
 from pcjax.quality.indices import Estimate

@@ -15,8 +15,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import jax
-import xarray as xr
 
+from pcjax.importing import xr
 from pcjax.progress import progress_bar
 from pcjax.results.files import locked
 from pcjax.results.reading import load_dataset

@@ -8,7 +8,6 @@ from typing import Any
 
 import jax
 import numpy as np
-import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Rectangle
@@ -18,6 +17,7 @@ from pcjax.design.compare import compare
 from pcjax.design.map import FINE, score_name, shapes
 from pcjax.design.optimize import Optimum
 from pcjax.design.space import DesignSpace
+from pcjax.importing import xr
 from pcjax.model.bodies.base import placed_outline
 from pcjax.model.hand import points_of
 from pcjax.quality.surrogate import Surrogate

@@ -6,10 +6,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import xarray as xr
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 
+from pcjax.importing import xr
 from pcjax.results.schema import INDICES, NAMES, labels_of
 from pcjax.view.picture import Picture
 from pcjax.view.plots import COLOURS

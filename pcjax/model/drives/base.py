@@ -10,7 +10,7 @@ from jaxtyping import Array
 
 from pcjax.components import Component, Registry, quantity
 from pcjax.geometry import Flag, Mirror, Scalar, Vec
-from pcjax.model.motion import Carry, Leg, Motion, Twist
+from pcjax.model.motion import Carry, Leg, Motion, Swing, Twist
 
 DRIVES: Registry[Drive] = Registry(
     "drive", "pcjax.drives", ("pcjax.model.drives.wrist", "pcjax.model.drives.arm")
@@ -65,8 +65,7 @@ class Drive(Component):
     Attributes:
         targets_per_period: how many draws a period takes.
         steady_in_between: whether gravity is all that changes, so that no `leg` has a `carry` and
-            `steady_interval` bounds how it changes: then a circle's trials can leap from event to
-            event.
+            `swing` says how it changes: then a circle's trials can leap from event to event.
         longest_step: the longest step, s, that accuracy allows whatever the speed.
         usual_max_steps: the limit in steps of 0.001 s unless one is given.
         usual_directions: "both" or "does", where a hand has both and none is asked for.
@@ -143,6 +142,20 @@ class Drive(Component):
         away = middle.twist.velocity
         pull = middle.acceleration + Vec(away.y, -away.x) * (2.0 * middle.twist.spin)
         return Leg(pull, since + lasts, Carry(since, soon, late, lasts))
+
+    def swing(self, profile: Any, time: Scalar, drift: Scalar) -> Swing:
+        """What pulls from `time` (s) of a period on, in a hand that stays put, and until when.
+
+        Unless a drive says it better, it is a `leg`, over which it does not change.
+
+        Arguments:
+            profile: from `profile`.
+            time: of the period, s.
+            drift: how far the stretch's pull may lead the object astray, a length.
+        """
+        leg = self.leg(profile, time, self.steady_interval(drift))
+        none = Vec(0.0 * leg.until, 0.0 * leg.until)
+        return Swing(time, (leg.pull, none, none, none), 0.0 * leg.until, leg.pull, leg.until)
 
     def top_speed(self, reach: float) -> float:
         """About the highest speed of an object in a hand of length `reach`, for plain numbers.
