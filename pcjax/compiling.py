@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import inspect
 import os
 import pickle
 import platform
@@ -57,7 +58,7 @@ class Kept:
 
     What is kept is the compiler's own: it is found only by the same sources of this package, with
     the same versions, settings and processor, for arguments of the same structure, shapes and
-    types. With classes that are none of this package's nothing is kept.
+    types. Of functions and classes that are none of this package's nothing is kept.
 
     Arguments:
         function: of pytrees.
@@ -84,7 +85,7 @@ class Kept:
         leaves, structure = jax.tree.flatten((args, kwargs))
         kinds = tuple((np.shape(leaf), *_type_of(leaf)) for leaf in leaves)
         known = structure, kinds, bool(jax.config.values["jax_enable_x64"])
-        if not _is_ours(structure):
+        if not (_is_named(self._function) and _is_ours(structure)):
             return self._usual(*args, **kwargs)
         with self._lock:
             program = self._known.get(known)
@@ -127,6 +128,14 @@ class Kept:
         except (OSError, ValueError, TypeError, pickle.PicklingError):
             pass  # then the next process compiles it
         return functools.partial(_called, compiled, result)
+
+
+def _is_named(function: Callable[..., Any]) -> bool:
+    """Whether a function's name says which one it is: one of a module of this package."""
+    module = sys.modules.get(function.__module__)
+    found = getattr(module, function.__qualname__, None)
+    ours = function.__module__.partition(".")[0] == __name__.partition(".")[0]
+    return ours and found is not None and inspect.unwrap(found) is function
 
 
 def _called(run: Any, result: Any, leaves: list[Any]) -> Any:

@@ -14,7 +14,7 @@ import jax
 import numpy as np
 import pytest
 
-from pcjax import compiling
+from pcjax import compiling, geometry
 from pcjax.cli import compilation_cache
 from pcjax.compiling import Kept, compiled_quickly, quick_options
 from pcjax.geometry import Vec
@@ -22,6 +22,7 @@ from pcjax.model.bodies.circle import Circle
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.arm import PlanarArm
 from pcjax.model.drives.wrist import WristTilt
+from pcjax.model.hand import Goal
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does
 from pcjax.simulate import workers
@@ -96,12 +97,17 @@ def drawer(monkeypatch: pytest.MonkeyPatch) -> Drawer:
     return drawer
 
 
-def test_what_is_kept_is_not_traced_again_and_what_is_damaged_is_compiled(drawer: Drawer) -> None:
+def test_what_is_kept_is_not_traced_again_and_what_is_damaged_is_compiled(
+    drawer: Drawer, monkeypatch: pytest.MonkeyPatch
+) -> None:
     traced = []
 
     def scaled(points: list[Vec], factor: Any) -> dict[str, Vec]:
         traced.append(factor)
         return {"sum": (points[0] + points[1]) * factor}
+
+    scaled.__module__, scaled.__qualname__ = "pcjax.geometry", "scaled"
+    monkeypatch.setattr(geometry, "scaled", scaled, raising=False)
 
     def outcome(count: int = 3) -> Vec:
         ones = np.ones(count, np.float32)
@@ -121,6 +127,18 @@ def test_what_is_kept_is_not_traced_again_and_what_is_damaged_is_compiled(drawer
         assert len(traced) == before + 1
     outcome(4)
     assert len(drawer.kept) == 2
+
+
+def test_what_a_name_does_not_tell_is_not_kept(drawer: Drawer) -> None:
+    """A function of one's own, or one that is made of this package's."""
+    goal = does(box_hand(), Circle(25.0)).hand.goal()
+    line = jax.tree.map(np.float32, goal)
+    point = Vec(np.float32(3), np.float32(4))
+    inward = Kept(lambda line, point: -line.beyond(point), {})
+    slope = Kept(jax.grad(Goal.beyond, argnums=1), {})
+    assert float(inward(line, point)) == -float(goal.beyond(point))
+    assert float(slope(line, point).y) == 1.0
+    assert not drawer.kept
 
 
 def test_programs_of_other_peoples_classes_are_not_kept(drawer: Drawer) -> None:
