@@ -843,9 +843,6 @@ BAD_WORDS = [
         "evaluate --engine evnt", "engine", "evnt", "did you mean event", "auto, event, stepping"
     ),
     refused("evaluate --engine event --dt 0.01", "dt", "event"),
-    refused(
-        "evaluate --engine event --gap-width 50 --fingertip-angle 0", "event", "gap", "stepping"
-    ),
     refused("figure", "figure"),
     refused("figure 16", "16", "9a, 9b, 10, 11, 12, 13, 14, 15, 17"),
     refused("figure 9", "'9'", "9a, 9b, 10, 11, 12"),
