@@ -69,14 +69,14 @@ class Kept:
         self._function = function
         self._options = dict(options)
         self._usual = jax.jit(function, compiler_options=self._options)
-        self._known: dict[Any, Callable[[list[Any]], Any]] = {}
+        self._known: dict[Any, Callable[[list[Any]], Any] | None] = {}
         self._lock = threading.Lock()
 
     @property
     def count(self) -> int:
         """How many programs this process has of it."""
         usual: Any = self._usual
-        return len(self._known) + usual._cache_size()
+        return sum(map(bool, self._known.values())) + usual._cache_size()
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         shelf = _shelf
@@ -85,13 +85,12 @@ class Kept:
         leaves, structure = jax.tree.flatten((args, kwargs))
         kinds = tuple((np.shape(leaf), *_type_of(leaf)) for leaf in leaves)
         known = structure, kinds, bool(jax.config.values["jax_enable_x64"])
-        if not (_is_named(self._function) and _is_ours(structure)):
-            return self._usual(*args, **kwargs)
         with self._lock:
-            program = self._known.get(known)
-            if program is None:
-                program = self._known[known] = self._program(shelf, leaves, known)
-        return program(leaves)
+            if known not in self._known:
+                ours = _is_named(self._function) and _is_ours(structure)
+                self._known[known] = self._program(shelf, leaves, known) if ours else None
+            program = self._known[known]
+        return self._usual(*args, **kwargs) if program is None else program(leaves)
 
     def _program(self, shelf: Shelf, leaves: list[Any], known: Any) -> Any:
         """From the shelf, where it has been seen to run; or compiled and put there."""

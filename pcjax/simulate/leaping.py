@@ -97,7 +97,7 @@ class Way(eqx.Module):
         return (a + (b * 0.5 + (c * (1 / 3) + d * (0.25 * time)) * time) * time) * time
 
 
-class Pull(eqx.Module):
+class Least(eqx.Module):
     """Of a way the least that `mean` can be along any direction, up to some time.
 
     Attributes:
@@ -110,7 +110,7 @@ class Pull(eqx.Module):
     slack: Scalar
 
     @classmethod
-    def of(cls, way: Way, longest: Scalar, barrier: Scalar) -> Pull:
+    def of(cls, way: Way, longest: Scalar, barrier: Scalar) -> Least:
         """Up to `longest` seconds."""
         a, _, c, d = way.powers
         late = c + d * (1.8 * longest)
@@ -142,7 +142,7 @@ class Support(eqx.Module):
     position: Vec
     velocity: Vec
     way: Way
-    least: Pull
+    least: Least
     normal: Vec
     touches: Flag
     rolls: Flag
@@ -279,7 +279,7 @@ def settle(
     rest = [where(arcs, still, along_limb(power)) for power in way.powers[1:]]
     first = where(arcs, _pushed(pull, normals, forces), along_limb(pull))
     way = Way(fence_all((first, rest[0], rest[1], rest[2]), barrier))
-    least = Pull.of(way, jnp.where(turning, longest, 0.0), barrier)
+    least = Least.of(way, jnp.where(turning, longest, 0.0), barrier)
 
     limb = carrier.limb
     along = (position - limb.start).dot(limb.tangent)
