@@ -53,6 +53,16 @@ def keep_on(shelf: Shelf | None) -> None:
     _shelf = shelf
 
 
+_rewritten = False
+
+
+def keep_nothing() -> None:
+    """From now on this process looks for no program and keeps none: for when what is compiled no
+    longer depends on this package's sources and the arguments alone."""
+    global _rewritten
+    _rewritten = True
+
+
 class Kept:
     """`jax.jit` of a function, whose programs may be kept: then a later process traces nothing.
 
@@ -80,7 +90,7 @@ class Kept:
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         shelf = _shelf
-        if shelf is None or jax.default_backend() != "cpu":
+        if shelf is None or _rewritten or jax.default_backend() != "cpu":
             return self._usual(*args, **kwargs)
         leaves, structure = jax.tree.flatten((args, kwargs))
         kinds = tuple((np.shape(leaf), *_type_of(leaf)) for leaf in leaves)

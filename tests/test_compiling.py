@@ -25,6 +25,7 @@ from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.hand import Goal
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import Scenario, does
+from pcjax.physics.contact import table
 from pcjax.simulate import workers
 from pcjax.simulate.batch import run
 from pcjax.simulate.engine import Engine
@@ -92,6 +93,7 @@ class Drawer:
 def drawer(monkeypatch: pytest.MonkeyPatch) -> Drawer:
     drawer = Drawer()
     monkeypatch.setattr(compiling, "_shelf", drawer)
+    monkeypatch.setattr(compiling, "_rewritten", False)
     # What JAX has kept cannot be kept once more.
     monkeypatch.setattr(compilation_cache._aside, "value", True, raising=False)
     return drawer
@@ -127,6 +129,19 @@ def test_what_is_kept_is_not_traced_again_and_what_is_damaged_is_compiled(
         assert len(traced) == before + 1
     outcome(4)
     assert len(drawer.kept) == 2
+
+
+def test_with_another_contact_for_a_circle_nothing_is_kept(
+    drawer: Drawer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(table, "CONTACTS", dict(table.CONTACTS))
+    numbers = np.float32(2), np.float32(-1), np.float32(0)
+    assert float(Kept(geometry.first_root, {})(*numbers)) == 2.0
+    assert len(drawer.kept) == 1
+    drawer.kept.clear()
+    table.register_contact(Circle)(table.CONTACTS[Circle])
+    assert float(Kept(geometry.first_root, {})(*numbers)) == 2.0
+    assert not drawer.kept
 
 
 def test_what_a_name_does_not_tell_is_not_kept(drawer: Drawer) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+from pcjax.compiling import keep_nothing
 from pcjax.model.bodies.base import Body
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.bodies.stick import Stick
@@ -30,6 +31,8 @@ def register_contact(kind: type[Body]) -> Callable[[F], F]:
     """Adds the function (see `Contact`) for a kind of body, as a decorator."""
 
     def add(function: F) -> F:
+        if kind in CONTACTS:
+            keep_nothing()
         CONTACTS[kind] = function
         return function
 
