@@ -142,27 +142,50 @@ def while_apart(
         gap = jnp.where(touches & opens, 0.0, jnp.maximum(gap, floor))
         speed = jnp.where(touches, jnp.maximum(speed, 0.0), speed)
         time = first_root(gap, speed, jnp.maximum(bound, true - jerk * horizon))
-        # One that neither opens nor closes: for as long as it opens for certain, and as the third
-        # derivative alone leads it astray by no more than half of `near`.
-        stays = touches & ~opens & (true > -8.0 * noise)
+        # One that does not close: for as long as it opens for certain, and as the third derivative
+        # alone leads it astray by no more than half of `near`.
+        stays = touches & (true > -8.0 * noise)
         turns = jerk > 1e-12
         jerk = jnp.where(turns, jerk, 1.0)
         kept = jnp.maximum(3.0 * true / jerk, cube_root(3.0 * near / jerk))
         kept = jnp.where(turns, kept, NEVER)
-        return jnp.where(cut, 0.0, jnp.where(stays, kept, time))
+        return jnp.where(cut, 0.0, jnp.where(stays, jnp.maximum(kept, time), time))
+
+    def over_end(limb: Segment, arm: Vec, beyond: Scalar, normal: Vec, distance: Scalar) -> Scalar:
+        """For how long a vertex that goes round a limb's end, touching it, stays so far away from
+        it, and is past the flat side; 0 if it does not.
+
+        The distance to a point has derivatives (v.y) / |y|, (v.v - f'^2 + a.y) / |y| and, as the
+        bound has it, (3 v.a - 3 f' f'') / |y|.
+        """
+        length = unit_and_length(arm)[1]
+        moving = velocity + left_of(arm) * path.spin
+        change = pulled + left_of(arm) * path.twist - arm * square
+        falling, aside = moving.dot(normal), moving.cross(normal)
+        on_end = (beyond != 0) & (jnp.abs(distance - rounding) <= near) & (distance > 0)
+        far = jnp.where(on_end, distance, 1.0)
+        true = change.dot(normal) + aside * aside / far
+        quick, strong = fast + most * length, hard + length * (twist + most * most)
+        jerk = 3.0 * quick * (2.0 * strong + quick * quick / far) / far + length * jolt + 1e-12
+        kept = jnp.maximum(3.0 * true / jerk, cube_root(3.0 * near / jerk))
+        to_side = jnp.where(beyond > 0, 1.0, -1.0)
+        along, rate = moving.dot(limb.tangent) * to_side, change.dot(limb.tangent) * to_side
+        until_side = first_root(jnp.abs(beyond) + near, along, rate - (length * jolt) * horizon)
+        goes = on_end & (jnp.abs(falling) <= noise) & (true > -8.0 * noise)
+        return jnp.where(goes, jnp.minimum(kept, until_side), 0.0)
 
     def for_limb(
         so_far: tuple[Scalar, Scalar], one: tuple[Segment, Vec, Vec]
     ) -> tuple[tuple[Scalar, Scalar], None]:
         limb, start, end = one
         # Against the line that is square to the shortest way from limb to polygon.
-        beyond, across, least = 0.0, 0.0, NEVER
+        beyond, across, least, nearest = 0.0, 0.0, NEVER, Vec(0.0, 0.0)
         for arm in outline.arms:
             _, past, aside = offset_from(limb, position + arm)
             far = jax.lax.stop_gradient(past * past + aside * aside)
-            beyond = jnp.where(far < least, past, beyond)
-            across = jnp.where(far < least, aside, across)
-            least = jnp.minimum(far, least)
+            closer = far < least
+            beyond, across = jnp.where(closer, past, beyond), jnp.where(closer, aside, across)
+            nearest, least = where(closer, arm, nearest), jnp.minimum(far, least)
         # Once for both components: across a tiny distance rounding would turn the direction.
         beyond, across = fence_all((beyond, across), barrier)
         offset = left_of(limb.tangent) * across + limb.tangent * beyond
@@ -175,6 +198,7 @@ def while_apart(
             (normal.dot(position) - base - rounding, normal.dot(velocity), normal.dot(pulled)),
             barrier,
         )
+        around = over_end(limb, nearest, beyond, normal, distance)
         reached, apart = NEVER, NEVER
         for arm, length in zip(outline.arms, outline.lengths, strict=True):
             lever, up = arm.cross(normal), arm.dot(normal)
@@ -184,6 +208,8 @@ def while_apart(
             gap = height + up
             falling = falls + path.spin * lever
             time = until(gap, falling, true, bound, length * jolt, unsure)
+            is_nearest = (arm.x == nearest.x) & (arm.y == nearest.y)
+            time = jnp.where(is_nearest, jnp.maximum(time, around), time)
             reached = jnp.minimum(reached, time)
             apart = jnp.minimum(apart, gap)
         reached, apart = fence_all((jnp.minimum(reached, horizon), apart), barrier)
