@@ -2,29 +2,42 @@
 
 Every component stays a scalar of its own, so under `jax.vmap` it becomes one contiguous array
 and the elementwise arithmetic of a whole step fuses into few loops.
+
+What a hand looks like is worked out with NumPy where its numbers are plain, or arrays of NumPy's
+that stand for many hands: nothing is compiled then (see `library_of`).
 """
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from typing import TypeVar
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-Scalar = Float[Array, ""] | float
-Flag = Bool[Array, ""] | bool
-Scalars = Float[Array, "..."] | float
+Scalar = Float[Array, ""] | Float[np.ndarray, "..."] | np.floating | float
+Flag = Bool[Array, ""] | Bool[np.ndarray, "..."] | np.bool_ | bool
+Scalars = Float[Array, "..."] | Float[np.ndarray, "..."] | np.floating | float
 Integers = Int[Array, "..."]
 """Fields of what there may be a batch of: one trial's are scalars."""
 T = TypeVar("T")
 
 
-class Vec(eqx.Module):
-    """A vector (x, y) in the plane.
+def library_of(*trees: Any) -> Any:
+    """What to calculate with: NumPy for plain numbers and its own arrays, else JAX's NumPy."""
+    plain = (float, int, np.ndarray, np.generic)
+    return np if all(isinstance(leaf, plain) for leaf in jax.tree.leaves(trees)) else jnp
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Vec:
+    """A vector (x, y) in the plane. A plain dataclass: they are made by the thousand.
 
     Examples:
         >>> from pcjax.geometry import Vec
@@ -54,7 +67,8 @@ class Vec(eqx.Module):
 
 def where(condition: Flag, a: T, b: T) -> T:
     """`a` where the condition holds, else `b`, for pytrees of one structure."""
-    return jax.tree.map(functools.partial(jnp.where, condition), a, b)
+    choose = library_of(condition, a, b).where
+    return jax.tree.map(functools.partial(choose, condition), a, b)
 
 
 def fence(value: Scalar, barrier: Scalar) -> Scalar:
@@ -118,9 +132,9 @@ def first_root(gap: Scalar, speed: Scalar, acceleration: Scalar) -> Scalar:
 
 def unit_and_length(vector: Vec) -> tuple[Vec, Scalar]:
     """Direction and length of a vector; the zero vector has direction 0, length 0, derivative 0."""
-    square = vector.dot(vector)
+    xp, square = library_of(vector), vector.dot(vector)
     positive = square > 0
-    inverse = jnp.where(positive, 1.0 / jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
+    inverse = xp.where(positive, 1.0 / xp.sqrt(xp.where(positive, square, 1.0)), 0.0)
     return vector * inverse, square * inverse
 
 
@@ -159,7 +173,9 @@ class Mirror(eqx.Module):
         return self.origin + self.vector(point)
 
 
-class Segment(eqx.Module):
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Segment:
     """A straight segment: `start`, unit `tangent` and `length`."""
 
     start: Vec
@@ -173,7 +189,7 @@ class Segment(eqx.Module):
     def offset(self, point: Vec) -> Vec:
         """The vector from the segment's closest point to `point`."""
         relative = point - self.start
-        along = jnp.clip(relative.dot(self.tangent), 0.0, self.length)
+        along = library_of(self, point).clip(relative.dot(self.tangent), 0.0, self.length)
         return relative - self.tangent * along
 
     def distance(self, point: Vec) -> Scalar:
@@ -188,12 +204,12 @@ def segment_between(start: Vec, end: Vec) -> Segment:
 
 def cut_through(a: Segment, b: Segment) -> Flag:
     """Whether two segments cut through each other; touching does not count."""
-    small = _negligible(a, b)
+    xp, small = library_of(a, b), _negligible(a, b)
 
     def on_both_sides(of: Segment, by: Segment) -> Flag:
         # Rounding puts segments on one line a little to either side of each other.
         sides = [by.tangent.cross(point - by.start) for point in (of.start, of.end)]
-        return (jnp.minimum(*sides) < -small) & (jnp.maximum(*sides) > small)
+        return (xp.minimum(*sides) < -small) & (xp.maximum(*sides) > small)
 
     return on_both_sides(a, b) & on_both_sides(b, a)
 
@@ -204,11 +220,11 @@ def _negligible(a: Segment, b: Segment) -> Scalar:
 
 def segments_cross(a: Segment, b: Segment) -> Flag:
     """Whether two segments cut through each other or lie on each other; touching is neither."""
-    small = _negligible(a, b)
+    xp, small = library_of(a, b), _negligible(a, b)
     ends = [a.tangent.dot(point - a.start) for point in (b.start, b.end)]
-    shared = jnp.minimum(jnp.maximum(*ends), a.length) - jnp.maximum(jnp.minimum(*ends), 0.0)
-    off_line = [jnp.abs(a.tangent.cross(point - a.start)) for point in (b.start, b.end)]
-    on_each_other = (jnp.maximum(*off_line) < small) & (shared > small)
+    shared = xp.minimum(xp.maximum(*ends), a.length) - xp.maximum(xp.minimum(*ends), 0.0)
+    off_line = [abs(a.tangent.cross(point - a.start)) for point in (b.start, b.end)]
+    on_each_other = (xp.maximum(*off_line) < small) & (shared > small)
     return cut_through(a, b) | on_each_other
 
 
@@ -221,15 +237,16 @@ def closest_points(a: Segment, b: Segment) -> tuple[Vec, Vec]:
 
 def closest_pair(pairs: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
     """Of pairs of points along the first axis those closest to each other, the first in a tie."""
-    apart = pairs[1] - pairs[0]
-    least = jnp.argmin(apart.dot(apart), axis=0)
-    return jax.tree.map(lambda x: jnp.take_along_axis(x, least[None], axis=0)[0], pairs)
+    xp, apart = library_of(pairs), pairs[1] - pairs[0]
+    least = xp.argmin(apart.dot(apart), axis=0)
+    return jax.tree.map(lambda x: xp.take_along_axis(x, least[None], axis=0)[0], pairs)
 
 
 def stacked(items: Sequence[T]) -> T:
     """Pytrees of one structure as one, along a new first axis. Arithmetic on it is that of all
     items at once: a program far smaller, and sooner compiled, than one that repeats it for each."""
-    return jax.tree.map(lambda *leaves: jnp.stack(jnp.broadcast_arrays(*leaves)), *items)
+    xp = library_of(*items)
+    return jax.tree.map(lambda *leaves: xp.stack(xp.broadcast_arrays(*leaves)), *items)
 
 
 def cube_root(value: Scalar) -> Scalar:
@@ -239,11 +256,11 @@ def cube_root(value: Scalar) -> Scalar:
 
 def is_inside(corners: Sequence[Vec], point: Vec) -> Flag:
     """Whether a point is inside a polygon without self-crossings (even-odd rule)."""
-    inside = jnp.asarray(False)
+    xp, inside = library_of(corners, point), False
     for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
         straddles = (a.y > point.y) != (b.y > point.y)
         # Which side of the edge, without a division.
-        left = (b - a).cross(point - a) * jnp.where(b.y > a.y, 1.0, -1.0) > 0
+        left = (b - a).cross(point - a) * xp.where(b.y > a.y, 1.0, -1.0) > 0
         inside = inside ^ (straddles & left)
     return inside
 

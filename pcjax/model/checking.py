@@ -9,7 +9,14 @@ import jax.numpy as jnp
 
 from pcjax.geometry import Flag, Scalar
 from pcjax.model.hand import HandDesign
-from pcjax.model.layout import Geometry, fit_of, geometry_of_hand, same_gap
+from pcjax.model.layout import (
+    Geometry,
+    Place,
+    fit_of,
+    geometries_of,
+    geometry_of_hand,
+    same_gap,
+)
 from pcjax.model.scenario import Scenario
 
 
@@ -77,7 +84,11 @@ def check_geometry(scenario: Scenario) -> float:
 
 def geometry_of(scenario: Scenario) -> Geometry:
     """What a scenario looks like whose numbers are concrete, in 64 bits."""
-    return geometry_of_hand(scenario.hand, scenario.contact_radius, scenario.start_spread)
+    return geometry_of_hand(*_place(scenario))
+
+
+def _place(scenario: Scenario) -> Place:
+    return scenario.hand, scenario.contact_radius, scenario.start_spread
 
 
 def _advice(scenario: Scenario) -> str:
@@ -99,6 +110,6 @@ def _advice(scenario: Scenario) -> str:
     return "change the joint angles; no object and no start_spread would do"
 
 
-def gap_of(scenario: Scenario) -> float:
-    """The hand's gap, for a scenario whose numbers are concrete."""
-    return float(geometry_of(scenario).gap)
+def gaps_of(scenarios: Sequence[Scenario]) -> list[float]:
+    """The hands' gaps, for scenarios whose numbers are concrete."""
+    return [float(found.gap) for found in geometries_of(list(map(_place, scenarios)))]

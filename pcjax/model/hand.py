@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import Float
@@ -22,6 +22,7 @@ from pcjax.geometry import (
     closest_pair,
     closest_points,
     cut_through,
+    library_of,
     segment_between,
     segments_cross,
     stacked,
@@ -32,7 +33,9 @@ from pcjax.geometry import (
 FingerValues = tuple[tuple[Scalar, ...], tuple[Scalar, ...]]
 
 
-class Goal(eqx.Module):
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Goal:
     """The line whose crossing ends a trial, from finger 1's side `a` to finger 2's side `b`."""
 
     a: Vec
@@ -41,7 +44,7 @@ class Goal(eqx.Module):
     def beyond(self, point: Vec) -> Scalar:
         """Signed distance of `point` past the line, positive outside."""
         along = self.b - self.a
-        return along.cross(point - self.a) / jnp.sqrt(along.dot(along))
+        return along.cross(point - self.a) / library_of(along).sqrt(along.dot(along))
 
     def outwards(self) -> Vec:
         """The unit vector square to the line, out of the hand."""
@@ -55,7 +58,9 @@ class Goal(eqx.Module):
         return (share > 0) & (share < along.dot(along))
 
 
-class Channel(eqx.Module):
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Channel:
     """The passage between the two fingertips, from its inner ends to the goal line.
 
     Attributes:
@@ -150,11 +155,12 @@ class HandDesign(eqx.Module):
 
     def finger(self, i: int) -> tuple[Segment, ...]:
         """The limbs of finger `i` (0 or 1), from the palm outwards."""
-        side = (-1.0, 1.0)[i]
-        joint, heading, limbs = Vec(side * self.palm_length / 2, 0.0), 0.0, []
+        xp, side = library_of(self), (-1.0, 1.0)[i]
+        joint, heading = Vec(side * self.palm_length / 2, 0.0 * self.palm_length), 0.0
+        limbs = []
         for length, angle in zip(self.lengths[i], self.angles[i], strict=True):
             heading = heading + angle
-            limb = Segment(joint, Vec(side * jnp.cos(heading), jnp.sin(heading)), length)
+            limb = Segment(joint, Vec(side * xp.cos(heading), xp.sin(heading)), length)
             limbs.append(limb)
             joint = limb.end
         return tuple(limbs)
@@ -174,7 +180,8 @@ class HandDesign(eqx.Module):
         An object that is wider is in a full cage.
         """
         a, b = self._closest()
-        return jnp.maximum(unit_and_length(b - a)[1] - self.thickness, 0.0)
+        between = unit_and_length(b - a)[1] - self.thickness
+        return library_of(self).maximum(between, 0.0)
 
     def narrowest_passage(self) -> tuple[Vec, Vec]:
         """The points of finger 1's and finger 2's surfaces that are closest to each other."""
@@ -214,7 +221,7 @@ class HandDesign(eqx.Module):
         a, b = closest_points(first, second)
         near = unit_and_length(b - a)[1] < self.thickness - 1e-9 * (first.length + second.length)
         overlap = near & (between > 2.0 * self.thickness)
-        crossed = jnp.asarray(segments_cross(first, second) | overlap)
+        crossed = library_of(self).asarray(segments_cross(first, second) | overlap)
         return {(names[i], names[j]): crossed[k] for k, (i, j) in enumerate(apart)}
 
     def limb_names(self) -> tuple[str, ...]:
@@ -244,7 +251,7 @@ class HandDesign(eqx.Module):
         """Whether a limb cuts through the goal line."""
         goal = self.goal()
         line = segment_between(goal.a, goal.b)
-        return jnp.any(cut_through(line, stacked(self.limbs())), axis=0)
+        return library_of(self).any(cut_through(line, stacked(self.limbs())), axis=0)
 
     def with_fingertips_mirrored(self) -> HandDesign:
         """The hand for EoEn (Fig. 8(b)): both fingertips mirrored across the line through their
@@ -281,7 +288,7 @@ class HandDesign(eqx.Module):
     def _in_numbers(self) -> tuple[HandDesign, Any]:
         """The hand, and the module to calculate with: plain numbers keep all their digits."""
         if any(isinstance(leaf, Tracer) or np.ndim(leaf) for leaf in jax.tree.leaves(self)):
-            return self, jnp
+            return self, library_of(self)
         return jax.tree.map(float, self), np
 
     def _tip_line(self, numbers: Any) -> tuple[Vec, Scalar, list[Scalar]]:
@@ -312,11 +319,11 @@ def channel_between(tip_1: Segment, tip_2: Segment) -> Channel:
 def points_of(hand: HandDesign) -> Float[np.ndarray, "points 2"]:
     """A hand's middle line, for plain numbers: from finger 1's tip along its joints to the palm's
     left end, and from its right end along finger 2's joints to its tip; in 64 bits."""
-    with jax.enable_x64(True):
-        left, right = jax.device_get((hand.finger(0), hand.finger(1)))
-        row = [limb.end for limb in reversed(left)] + [left[0].start, right[0].start]
-        row += [limb.end for limb in right]
-        return np.array([[point.x, point.y] for point in row], float)
+    hand = jax.tree.map(float, hand)
+    left, right = hand.finger(0), hand.finger(1)
+    row = [limb.end for limb in reversed(left)] + [left[0].start, right[0].start]
+    row += [limb.end for limb in right]
+    return np.array([[point.x, point.y] for point in row], float)
 
 
 def full_cage(gap: Any, diameter: Any) -> Any:

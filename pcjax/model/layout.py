@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
+import threading
 from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
-from pcjax.compiling import compiled_quickly
 from pcjax.geometry import (
     Flag,
     Scalar,
@@ -18,19 +19,23 @@ from pcjax.geometry import (
     Vec,
     cut_through,
     is_inside,
+    library_of,
     segment_between,
     stacked,
 )
 from pcjax.model.hand import Goal, HandDesign
 
 
-def first_centre(hand: HandDesign, radius: Scalar, start_spread: Scalar, draws: Array) -> Vec:
+def first_centre(
+    hand: HandDesign, radius: Scalar, start_spread: Scalar, draws: Array | Sequence[float]
+) -> Vec:
     """`Scenario.start`, of the numbers that it depends on; `radius` is the contact radius."""
+    xp = library_of(hand, radius, start_spread, draws)
     left = draws[0] < 0.5
     spread = start_spread * hand.palm_length
-    side = jnp.where(left, -1.0, 1.0)
-    corner = jnp.where(left, *(_corner_inset(finger[0], radius) for finger in hand.angles))
-    lean = jnp.where(left, *(_lean(finger[0]) for finger in hand.angles))
+    side = xp.where(left, -1.0, 1.0)
+    corner = xp.where(left, *(_corner_inset(finger[0], radius) for finger in hand.angles))
+    lean = xp.where(left, *(_lean(finger[0]) for finger in hand.angles))
     up = draws[2] * spread
     x = side * (hand.palm_length / 2 - corner - draws[1] * spread - lean * up)
     return Vec(x, radius + up)
@@ -38,19 +43,20 @@ def first_centre(hand: HandDesign, radius: Scalar, start_spread: Scalar, draws: 
 
 def corner_centre(hand: HandDesign, radius: Scalar, start_spread: Scalar) -> Vec:
     """`Scenario.corner_start`, of the numbers that it depends on."""
-    return first_centre(hand, radius, start_spread, jnp.array([0.9, 0.0, 0.0]))
+    return first_centre(hand, radius, start_spread, [0.9, 0.0, 0.0])
 
 
 def _corner_inset(angle: Scalar, radius: Scalar) -> Scalar:
     # The circle's centre lies on the bisector of the corner between palm and first limb.
-    return radius * jnp.tan(angle / 2)
+    return radius * library_of(angle).tan(angle / 2)
 
 
 def _lean(angle: Scalar) -> Scalar:
     # How far the first limb comes in for each unit of height; a right angle is none.
-    rise = jnp.sin(angle)
-    leans = (jnp.cos(angle) < -1e-6) & (rise > 0)
-    return jnp.where(leans, -jnp.cos(angle) / jnp.where(leans, rise, 1.0), 0.0)
+    xp = library_of(angle)
+    rise, out = xp.sin(angle), xp.cos(angle)
+    leans = (out < -1e-6) & (rise > 0)
+    return xp.where(leans, -out / xp.where(leans, rise, 1.0), 0.0)
 
 
 class Fit(eqx.Module):
@@ -68,21 +74,25 @@ class Fit(eqx.Module):
 
 def fit_of(hand: HandDesign, radius: Scalar, start_spread: Scalar) -> Fit:
     """How an object of that contact radius fits; the numbers may be traced."""
-    corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
-    draws = jnp.array([[[end, *corner] for end in (0.0, 0.9)] for corner in corners])
-    boxes = jax.vmap(jax.vmap(lambda one: first_centre(hand, radius, start_spread, one)))(draws)
-    boxes = [jax.tree.map(lambda x, k=k: x[k], boxes) for k in range(len(corners))]
+    xp = library_of(hand, radius, start_spread)
+    corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+    # At both ends of the palm, along the first axis.
+    boxes = [
+        stacked([first_centre(hand, radius, start_spread, [end, *corner]) for end in (0.0, 0.9)])
+        for corner in corners
+    ]
     goal, region = hand.goal(), hand.region()
-    each = jax.vmap(_distance_to_box, (0, None))
-    least = jnp.min(jax.vmap(each, (None, 0))(stacked(hand.limbs()), boxes))
-    crossed = jax.vmap(_distance_to_box, (None, 0))(segment_between(goal.a, goal.b), boxes)
-    outside = jnp.any((crossed <= 0.0) | jnp.logical_not(is_inside(region, boxes[0])))
+    limbs = jax.tree.map(lambda x: x[:, None], stacked(hand.limbs()))
+    least = xp.min(_distance_to_box(limbs, boxes), axis=(0, 1))
+    crossed = _distance_to_box(segment_between(goal.a, goal.b), boxes)
+    outside = xp.any((crossed <= 0.0) | xp.logical_not(is_inside(region, boxes[0])), axis=0)
     return Fit(least - radius, outside)
 
 
-def _distance_to_box(segment: Segment, corners: Sequence[Vec]) -> Scalar:
+def _distance_to_box(segment: Segment, corners: Sequence[Vec]) -> Any:
     """Distance from a segment to a filled parallelogram; 0 where they meet."""
-    least, cut = jnp.inf, is_inside(corners, segment.start) | is_inside(corners, segment.end)
+    xp, least = library_of(segment, corners), math.inf
+    cut = is_inside(corners, segment.start) | is_inside(corners, segment.end)
     for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
         edge = segment_between(a, b)
         for distance in (
@@ -90,9 +100,9 @@ def _distance_to_box(segment: Segment, corners: Sequence[Vec]) -> Scalar:
             edge.distance(segment.start),
             edge.distance(segment.end),
         ):
-            least = jnp.minimum(least, distance)
+            least = xp.minimum(least, distance)
         cut = cut | cut_through(segment, edge)
-    return jnp.where(cut, 0.0, least)
+    return xp.where(cut, 0.0, least)
 
 
 class Geometry(eqx.Module):
@@ -120,27 +130,57 @@ class Geometry(eqx.Module):
     start: Vec
 
 
-@compiled_quickly
-def _geometry(hand: HandDesign, radius: Scalar, start_spread: Scalar) -> Geometry:
-    """All of it as one program: function by function it would be fifty. It is of the hand and two
-    numbers alone, so that bodies, drives and laws share it."""
-    return Geometry(
-        fit_of(hand, radius, start_spread),
-        hand.gap(),
-        hand.crossings(),
-        hand.faces(),
-        hand.blocked_goal(),
-        hand.limbs(),
-        hand.goal(),
-        hand.narrowest_passage(),
-        corner_centre(hand, radius, start_spread),
-    )
+Place = tuple[HandDesign, Scalar, Scalar]
+"""A hand, the contact radius of an object, and the spread of its starts; plain numbers."""
+
+_MOST_KNOWN = 4096
+
+_known: dict[Any, Geometry] = {}
+"""The geometries asked for last: each is asked for several times before a hand is run."""
+
+_lock = threading.Lock()
+
+
+def geometries_of(places: Sequence[Place]) -> list[Geometry]:
+    """The geometries of plain numbers, in 64 bits; hands of one structure are worked out at once,
+    which takes little longer than one of them."""
+    exact = [jax.tree.map(float, place) for place in places]
+    keys = [(jax.tree.structure(one), *jax.tree.leaves(one)) for one in exact]
+    found = {key: _known[key] for key in keys if key in _known}
+    groups: dict[Any, dict[Any, Place]] = {}
+    for key, one in zip(keys, exact, strict=True):
+        if key not in found:
+            groups.setdefault(key[0], {})[key] = one
+    for group in groups.values():
+        leaves, structure = jax.tree.flatten(_geometry(*stacked(list(group.values()))))
+        whole = [np.broadcast_to(leaf, len(group)) for leaf in leaves]
+        for key, row in zip(group, zip(*whole, strict=True), strict=True):
+            found[key] = jax.tree.unflatten(structure, row)
+    with _lock:
+        _known.update(found)
+        for key in list(_known)[: max(0, len(_known) - _MOST_KNOWN)]:
+            del _known[key]
+    return [found[key] for key in keys]
 
 
 def geometry_of_hand(hand: HandDesign, radius: Scalar, start_spread: Scalar) -> Geometry:
-    """The geometry of numbers that are concrete, in 64 bits."""
-    with jax.enable_x64(True):
-        return jax.device_get(_geometry(*jax.tree.map(float, (hand, radius, start_spread))))
+    """The geometry of plain numbers, in 64 bits."""
+    return geometries_of([(hand, radius, start_spread)])[0]
+
+
+def _geometry(hand: HandDesign, radius: Scalar, start_spread: Scalar) -> Geometry:
+    with np.errstate(all="ignore"):
+        return Geometry(
+            fit_of(hand, radius, start_spread),
+            hand.gap(),
+            hand.crossings(),
+            hand.faces(),
+            hand.blocked_goal(),
+            hand.limbs(),
+            hand.goal(),
+            hand.narrowest_passage(),
+            corner_centre(hand, radius, start_spread),
+        )
 
 
 def same_gap(gap: Any, other: Any, thickness: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -119,7 +120,7 @@ class Scenario(eqx.Module):
             self.body.shape(),
         )
 
-    def start(self, draws: Float[Array, "3"]) -> Vec:
+    def start(self, draws: Float[Array, "3"] | Sequence[float]) -> Vec:
         """The object's first centre, "near either end of the palm", from draws uniform on [0, 1).
 
         A stick starts where the circle that it can turn in does. That circle touches the palm and

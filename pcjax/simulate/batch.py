@@ -10,6 +10,7 @@ cores stay busy and nobody waits for the slowest trial. What a trial does depend
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Sequence
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from typing import Any
@@ -135,12 +136,16 @@ class LaneEngine(Engine):
 
     def fill(self, outcomes: Outcomes, scenarios: Sequence[Scenario], how: How) -> None:
         """Runs lanes in blocks, refilled as trials end."""
+        loose = [unfixed(scenario) for scenario in scenarios]
+        shared: dict[Any, Any] = {}
         kinds: dict[Any, list[int]] = {}
-        for k, scenario in enumerate(map(unfixed, scenarios)):
-            shared = shared_leaves(scenario)
-            leaves = zip(jax.tree.leaves(scenario), jax.tree.leaves(shared), strict=True)
-            common = tuple(leaf for leaf, is_shared in leaves if is_shared)
-            kinds.setdefault((jax.tree.structure(scenario), common), []).append(k)
+        for k, scenario in enumerate(loose):
+            leaves, structure = jax.tree.flatten(scenario)
+            if structure not in shared:
+                shared[structure] = shared_leaves(scenario)
+            which = jax.tree.leaves(shared[structure])
+            common = tuple(itertools.compress(leaves, which))
+            kinds.setdefault((structure, common), []).append(k)
         if len(kinds) > 1:
             for chosen in kinds.values():
                 part = outcomes.of(chosen)
@@ -151,13 +156,12 @@ class LaneEngine(Engine):
         # The compiled program depends on how many conditions there are: of a few numbers only.
         spare = roomy_size(len(scenarios), _FEWEST_CONDITIONS) - len(scenarios)
         filled = [*scenarios, *[scenarios[0]] * spare]
-        loose = [unfixed(scenario) for scenario in scenarios]
         loose += loose[:1] * spare
 
         def stack(is_shared: bool, *leaves: Any) -> np.ndarray:
             return np.asarray(leaves[0] if is_shared else leaves, dtype)
 
-        stacked = jax.tree.map(stack, shared_leaves(loose[0]), *loose)
+        stacked = jax.tree.map(stack, shared[jax.tree.structure(loose[0])], *loose)
         period = scenarios[0].drive.period
         program = self.program(period)
         devices = jax.local_devices()

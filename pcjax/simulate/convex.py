@@ -89,6 +89,6 @@ class ConvexLeaps(LeapingEngine):
         return None
 
     def processor_seconds(self, scenario: Scenario, max_steps: int) -> float:
-        """1.5 ms to 300 s in a hand that stays put, 3 ms in one that is carried about."""
-        usual = 1.5e-3 if scenario.drive.steady_in_between else 3e-3
+        """1 ms to 300 s in a hand that stays put, 3 ms in one that is carried about."""
+        usual = 1e-3 if scenario.drive.steady_in_between else 3e-3
         return usual * max_steps / 300_000

@@ -13,9 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pcjax.checks import check_count
-from pcjax.compiling import Kept, compiled_quickly
-from pcjax.geometry import Vec
-from pcjax.model.hand import HandDesign
+from pcjax.compiling import Kept
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import INVALID, PAPER_DT, PASSED, RUNNING
 from pcjax.simulate.lanes import Lanes
@@ -168,17 +166,9 @@ _STRAY = 0.01
 
 def _regions(scenarios: Sequence[Scenario]) -> Float[np.ndarray, "conditions corners 2"]:
     """What limbs and goal line enclose in each condition."""
-    stacked = jax.tree.map(lambda *leaves: np.asarray(leaves, float), *(s.hand for s in scenarios))
-    with jax.enable_x64(True):
-        corners = jax.device_get(_corners(stacked))
+    hands = jax.tree.map(lambda *leaves: np.asarray(leaves, float), *(s.hand for s in scenarios))
+    corners = hands.region()
     return np.stack([[corner.x, corner.y] for corner in corners]).transpose(2, 0, 1)
-
-
-@compiled_quickly
-def _corners(hands: HandDesign) -> list[Vec]:
-    zero = hands.palm_length * 0.0
-    found = jax.vmap(HandDesign.region)(hands)
-    return [corner + Vec(zero, zero) for corner in found]
 
 
 def _how_far_outside(

@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from pcjax.model.bodies.base import Body
@@ -188,11 +187,8 @@ def _view(study: Study, direction: str) -> View:
 
 def _starts(scenario: Scenario, end: float) -> Box:
     """The box of starts at the palm's left end (a draw below a half) or its right one."""
-    with jax.enable_x64(True):
-        exact = jax.tree.map(float, scenario)
-        corners = [
-            exact.start(jnp.array([end, along, up])) for along in (0.0, 1.0) for up in (0.0, 1.0)
-        ]
-        points = np.array([[float(corner.x), float(corner.y)] for corner in corners])
+    exact = jax.tree.map(float, scenario)
+    corners = [exact.start([end, along, up]) for along in (0.0, 1.0) for up in (0.0, 1.0)]
+    points = np.array([[corner.x, corner.y] for corner in corners], float)
     (x0, y0), (x1, y1) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
     return (x0, y0), (x1, y1)

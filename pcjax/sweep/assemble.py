@@ -77,7 +77,8 @@ def assemble(
     used = np.zeros(count, int)
     gap, width, skin, dt = np.full((4, count, len(directions)), np.nan)
     watched = {name: np.full((count, len(directions)), np.nan) for name in WATCHED}
-    steps = np.zeros((count, len(directions), study.run.trials), np.int32)
+    kept = study.run.trials if keep_trials else 0
+    steps = np.zeros((count, len(directions), kept), np.int32)
     status = np.zeros(steps.shape, np.uint8)
     for k in range(count):
         if plan.problems[k]:
@@ -91,7 +92,7 @@ def assemble(
             counts[k, d] = counts_of(sample.status[: sample.used])
             gap[k, d], width[k, d] = cell.gap, float(cell.scenario.body.width)
             dt[k, d] = cell.engine.step_taken(cell.scenario.drive.period)
-            steps[k, d], status[k, d] = sample.steps, sample.status
+            steps[k, d], status[k, d] = sample.steps[:kept], sample.status[:kept]
             if sample.watch is not None:
                 skin[k, d] = float(getattr(cell.scenario.body, "skin", np.nan))
                 worst = sample.watch[: sample.used]

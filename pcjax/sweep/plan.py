@@ -10,6 +10,7 @@ import jax
 
 from pcjax.checks import check_count
 from pcjax.model.checking import check_geometry
+from pcjax.model.layout import Place, geometries_of
 from pcjax.model.scenario import Scenario
 from pcjax.simulate.batch import run, usual_block
 from pcjax.simulate.choose import choose_engine
@@ -20,8 +21,15 @@ from pcjax.study.spec import Study
 BLOCK = 1000
 """Trials of a condition in a part."""
 
-_CONDITIONS = 16
-"""Conditions, each in one direction, in a part."""
+_CONDITIONS = 4, 64
+"""Conditions, each in one direction, in a part: at least, and at most."""
+
+_SECONDS = 20.0
+"""Of a processor that a part takes, about, where it may have more or fewer conditions."""
+
+
+_AHEAD = 256
+"""Conditions whose hands are looked at together."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +100,7 @@ class Plan:
         self.points: list[dict[str, float]] = []
         self.cells: dict[tuple[int, str], Cell] = {}
         self.problems: list[str] = []
-        for k, (point, one) in enumerate(study.conditions()):
+        for k, (point, one) in enumerate(_looked_ahead(study.conditions())):
             self.points.append(point)
             try:
                 self.cells |= {(k, d): _cell(one, scenario) for d, scenario in _each(one)}
@@ -140,8 +148,11 @@ class Plan:
             groups.setdefault(alike, []).append(key)
         found = []
         for (engine, _), keys in groups.items():
-            for start in range(0, len(keys), _CONDITIONS):
-                some = tuple(keys[start : start + _CONDITIONS])
+            least, most = _CONDITIONS
+            each = engine.processor_seconds(self.cells[keys[0]].scenario, self.study.max_steps)
+            count = min(max(int(_SECONDS / (each * trials)), least), most)
+            for start in range(0, len(keys), count):
+                some = tuple(keys[start : start + count])
                 found.append(
                     Part(
                         f"{first:010d}-{len(found):06d}",
@@ -156,6 +167,27 @@ class Plan:
                     )
                 )
         return found
+
+
+def _looked_ahead(
+    conditions: Sequence[tuple[dict[str, float], Study]],
+) -> Iterator[tuple[dict[str, float], Study]]:
+    """The conditions; what their hands look like is worked out for many at once."""
+    for start in range(0, len(conditions), _AHEAD):
+        some = conditions[start : start + _AHEAD]
+        geometries_of([place for _, study in some for place in _places(study)])
+        yield from some
+
+
+def _places(study: Study) -> list[Place]:
+    """What checks will look at, hand by hand."""
+    hand, spread = study.hand, study.run.start_spread
+    radius = study.body.radius + 0.5 * hand.thickness
+    found: list[Place] = [(hand, radius, spread)]
+    if study.run.direction != "does" and min(map(len, hand.lengths)) > 1:
+        mirrored = hand.with_fingertips_mirrored()
+        found += [(mirrored, radius, spread), (hand, 0.0, 0.0), (mirrored, 0.0, 0.0)]
+    return found
 
 
 def _each(study: Study) -> list[tuple[str, Scenario]]:
