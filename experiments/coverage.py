@@ -6,7 +6,11 @@ how often the interval holds the truth and how wide it is, and both for the usua
 Wilson's for a share, the delta method in the logarithm for a score. Where no interval is given
 (`given_percent`), the score is undefined. A usual one that is not given misses the truth.
 
-Keeps `results/coverage.csv`.
+With `--stopping`: as many trials are drawn as a precision takes that was asked for
+(`pcjax.quality.stopping`), and beside it as many as it takes where it is looked after every 1,000
+trials whether the interval is narrow enough.
+
+Keeps `results/coverage.csv`, or `results/coverage_stopping.csv`.
 """
 
 from __future__ import annotations
@@ -27,6 +31,7 @@ from pcjax.model.bodies.circle import Circle
 from pcjax.model.presets import box_hand
 from pcjax.model.scenario import DIRECTIONS
 from pcjax.quality.indices import Estimate, mean, ratio
+from pcjax.quality.stopping import FIRST_LOOK, half_width, next_look
 from pcjax.simulate.batch import run
 from pcjax.simulate.choose import choose_engine
 from pcjax.simulate.outcomes import LIMIT
@@ -131,14 +136,65 @@ def rows(trials: int, repeats: int) -> Iterator[dict[str, str]]:
                 }
 
 
+TARGETS = (0.1, 0.05, 0.02, 0.01)
+
+
+def stopping_rows(trials: int, repeats: int) -> Iterator[dict[str, str]]:
+    """The table with `--stopping`, a row for each pool, estimate, precision and rule."""
+    for name in ("ordinary", "heavy", "near closed"):
+        steps, _, limit = pool(name, trials)
+        does, eoen, other = steps.astype(float)
+        best = float(does.mean())
+        asked: dict[str, tuple[np.ndarray, Callable[[np.ndarray], Estimate], float]] = {
+            "index 1": (does[None], lambda v, most=limit: mean(v[0], 0, most), math.nan),
+            "score": (np.stack([does, eoen]), lambda v, m=limit: ratio(v[0], v[1], m), math.nan),
+            "difference": ((does - other)[None], lambda v, m=limit: mean(v[0], -m, m), best),
+        }
+        for what, (values, estimate, of) in asked.items():
+            means = values.mean(axis=1)
+            truth = float(means[0] if len(means) == 1 else means[0] / means[1])
+            for target in TARGETS:
+                for rule in ("planned", "every 1,000"):
+                    rng = np.random.default_rng(repeats)
+                    held, used, looks = 0, [], []
+                    for _ in tqdm(range(repeats), desc=f"{name}, {what}, {target}", leave=False):
+                        sample, look, seen = values[:, :0], FIRST_LOOK, 0
+                        while look > sample.shape[1]:
+                            more = rng.integers(0, values.shape[1], look - sample.shape[1])
+                            sample = np.concatenate([sample, values[:, more]], axis=1)
+                            got, seen = estimate(sample), seen + 1
+                            wanted = target * (got.value if math.isnan(of) else of)
+                            look = next_look(half_width(got), wanted, sample.shape[1], 200_000)
+                            if rule != "planned" and look > sample.shape[1]:
+                                look = sample.shape[1] + 1000
+                        held += got.low <= truth <= got.high
+                        used.append(sample.shape[1])
+                        looks.append(seen)
+                    share = held / repeats
+                    yield {
+                        "pool": name,
+                        "estimate": what,
+                        "target_percent": f"{100 * target:g}",
+                        "rule": rule,
+                        "coverage_percent": f"{100 * share:.2f}",
+                        "coverage_error": f"{100 * math.sqrt(share * (1 - share) / repeats):.2f}",
+                        "mean_trials": f"{np.mean(used):.0f}",
+                        "mean_looks": f"{np.mean(looks):.2f}",
+                    }
+
+
 def main() -> None:
     """Runs the pools and draws from them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--trials", type=int, default=100_000, help="trials of a pool")
     parser.add_argument("--repeats", type=int, default=2_000, help="samples of each size")
+    parser.add_argument("--stopping", action="store_true", help="precisions that are asked for")
     arguments = parser.parse_args()
-    out = Path(__file__).parent / "results" / "coverage.csv"
-    table = list(rows(arguments.trials, arguments.repeats))
+    name, made = ("coverage", rows)
+    if arguments.stopping:
+        name, made = ("coverage_stopping", stopping_rows)
+    out = Path(__file__).parent / "results" / f"{name}.csv"
+    table = list(made(arguments.trials, arguments.repeats))
     with out.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, table[0])
         writer.writeheader()

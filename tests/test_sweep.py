@@ -293,13 +293,13 @@ def test_a_condition_stops_once_it_is_precise_enough(tmp_path: Path) -> None:
         again = evaluate(
             alone.hand, alone.body, trials=int(used[k]), max_steps=60_000, seed=3
         ).score()["index1"]
-        assert again.value == value
-    # One block less was not enough.
-    short = replace(study, run=replace(study.run, trials=int(used[0]) - 20))
+        # Of other blocks: the same program but for rounding.
+        assert again.value == pytest.approx(value, rel=1e-6)
+    # The first block was not enough.
+    short = replace(study, run=replace(study.run, trials=20))
     less = run_sweep(short, tmp_path / "less.nc").sel(fingertip_angle_deg=0.0)
     value, _, low, high = less.score.sel(index="index1").values
-    passed = less["count"].sel(status_name="passed").values
-    assert high - low > 2 * target * value or passed.min() < 10
+    assert high - low > 2 * target * value
 
 
 def test_a_huge_sweep_is_refused_at_once() -> None:

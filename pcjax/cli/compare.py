@@ -9,6 +9,7 @@ from pathlib import Path
 from pcjax.cli.parts import (
     add_direction,
     add_outputs,
+    add_precision_target,
     add_run,
     as_flags_say,
     check_picture,
@@ -25,6 +26,9 @@ def add_compare(parser: argparse.ArgumentParser) -> None:
     add("studies", type=Path, nargs="+", metavar="FILE", help="study files (TOML), two or more")
     add_direction(parser, "each study's own")
     add_run(parser)
+    add_precision_target(
+        parser, "each difference to the best hand is this share of the best's score"
+    )
     add("--json", action="store_true", help="print one JSON object on stdout, nothing else")
     add_outputs(parser, plot="draw the hands side by side")
     parser.set_defaults(run=_run)

@@ -10,6 +10,7 @@ from pcjax.cli.condition import add_condition, condition
 from pcjax.cli.parts import (
     add_direction,
     add_outputs,
+    add_precision_target,
     add_run,
     check_data,
     check_picture,
@@ -26,6 +27,7 @@ def add_evaluate(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add_direction(parser, "both on the wrist, does on the arm")
     add_run(parser)
+    add_precision_target(parser, "the score is this share of it")
     add("--json", action="store_true", help="print one JSON object on stdout, nothing else")
     add_outputs(parser, data="keep everything: .nc (netCDF)", plot="draw hand and survival curves")
     parser.set_defaults(run=_run)

@@ -18,7 +18,7 @@ from pcjax.paper import constants as paper
 from pcjax.paper.figures import run_figure
 from pcjax.paper.tables import figure_table
 from pcjax.results.saving import save_dataset
-from pcjax.study.spec import Run
+from pcjax.study.spec import TRIALS, Run
 
 
 def add_figure(parser: argparse.ArgumentParser) -> None:
@@ -40,7 +40,7 @@ def _run(arguments: argparse.Namespace) -> None:
     picture = arguments.plot
     check_picture(picture)
     check_data(arguments.out)
-    data = run_figure(arguments.figure, **run_settings(arguments, Run()))
+    data = run_figure(arguments.figure, **run_settings(arguments, Run(trials=TRIALS)))
     if arguments.out:
         save_dataset(data, arguments.out)
     save_picture("paper.pictures.plot_figure", data, picture)

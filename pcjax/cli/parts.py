@@ -15,7 +15,7 @@ from pcjax.components import Quantity
 from pcjax.paper import constants as paper
 from pcjax.simulate.choose import engine_names
 from pcjax.simulate.engine import ENGINES, Engine
-from pcjax.study.spec import Run, Study, own_parameters
+from pcjax.study.spec import MOST_TRIALS, Run, Study, own_parameters
 from pcjax.words import InputWarning
 
 PICTURES = (".png", ".svg", ".pdf", ".jpg", ".webp")
@@ -54,6 +54,23 @@ def add_run(parser: argparse.ArgumentParser, trials: int = paper.TRIALS) -> None
         default=None,
         help="bits of a number (default: 32)",
     )
+
+
+def add_precision_target(parser: argparse.ArgumentParser, what: str) -> None:
+    """How well it is to be known; there are as many trials as that takes."""
+    parser.add_argument(
+        "--precision-target",
+        type=share,
+        default=None,
+        metavar="SHARE",
+        help=f"run trials until half the 95 %% interval of {what}: 1%%, say (--trials is then the "
+        f"most of them; default: {MOST_TRIALS:,})",
+    )
+
+
+def share(text: str) -> float:
+    """A share such as 0.01 or 1%."""
+    return number(text[:-1]) / 100 if text.endswith("%") else number(text)
 
 
 def _add_engine(parser: argparse.ArgumentParser) -> None:

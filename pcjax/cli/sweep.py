@@ -10,7 +10,7 @@ from pathlib import Path
 from tqdm.std import tqdm
 
 from pcjax.cli.parser import Terminated
-from pcjax.cli.parts import add_run, as_flags_say, check_data, number
+from pcjax.cli.parts import add_precision_target, add_run, as_flags_say, check_data
 from pcjax.results.tables import conditions_table
 from pcjax.study.read import load_study
 from pcjax.sweep.plan import Plan
@@ -29,13 +29,7 @@ def add_sweep(parser: argparse.ArgumentParser) -> None:
         help="the result (netCDF); the same command again goes on where it was",
     )
     add_run(parser)
-    add(
-        "--precision-target",
-        type=_share,
-        default=None,
-        metavar="SHARE",
-        help="stop a condition once half its 95 %% interval is this share of its score: 1%%, say",
-    )
+    add_precision_target(parser, "a condition's score is this share of it")
     add("--keep-trials", action="store_true", help="keep the escape step of every trial")
     add(
         "--scheduler",
@@ -44,10 +38,6 @@ def add_sweep(parser: argparse.ArgumentParser) -> None:
         help="of a dask.distributed scheduler that runs the trials; 'local': one of this machine",
     )
     parser.set_defaults(run=_run)
-
-
-def _share(text: str) -> float:
-    return number(text[:-1]) / 100 if text.endswith("%") else number(text)
 
 
 def _run(arguments: argparse.Namespace) -> None:

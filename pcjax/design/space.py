@@ -126,8 +126,9 @@ class DesignSpace:
         return np.array([p.high for p in self.free], float)
 
     def design_of(self, hand: HandDesign) -> Design:
-        """The design that a hand is."""
-        return np.array([float(p.read(hand)) for p in self.free])
+        """The design that a hand is, to twelve digits: the others may be rounding, which is not to
+        take it over a bound."""
+        return np.array([float(f"{float(p.read(hand)):.12g}") for p in self.free])
 
     def hand(self, design: Array | np.ndarray | Sequence[float]) -> HandDesign:
         """The hand of a design; differentiable."""

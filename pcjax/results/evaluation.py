@@ -166,6 +166,13 @@ class Evaluation:
             both.escape_step.values, both.status.values, self.max_steps, caged=(does, eoen)
         )
 
+    @property
+    def main(self) -> Estimate:
+        """The score by index 1; index 1 where only one direction was evaluated."""
+        return (self.score() if len(self.directions) == 2 else self.indices(self.directions[0]))[
+            "index1"
+        ]
+
     def difference(self, other: Evaluation, direction: str) -> dict[str, Estimate]:
         """How much higher this hand's index 1 and index 2 are than another one's.
 
@@ -271,6 +278,13 @@ class Evaluation:
                 )
             if counts["passed"] == n:
                 notes.append(f"{name}: everybody passed, so index 2 is 0")
+        target, main = self.dataset.attrs.get("precision_target"), self.main
+        if target is not None and not main.high - main.low <= 2 * target * main.value:
+            known = 0.5 * (main.high - main.low) / main.value
+            notes.append(
+                f"{self.trials:,} trials are too few for the precision asked for: it is known to "
+                f"{known:.2%}, not {target:.2%}"
+            )
         if len(self.directions) == 2:
             eoen = self.status("eoen")
             if eoen["limit"] == self.trials:

@@ -49,6 +49,17 @@ class Outcomes:
         for name, whole in self._arrays():
             whole[conditions] = getattr(part, name)
 
+    def joined(self, more: Outcomes) -> Outcomes:
+        """With further trials of the same conditions."""
+        arrays = dict(more._arrays())
+        return replace(
+            self,
+            **{
+                name: np.concatenate([whole, arrays[name]], axis=1)
+                for name, whole in self._arrays()
+            },
+        )
+
     def _arrays(self) -> list[tuple[str, np.ndarray]]:
         names = ("steps", "status", "watch", "excursion", "final")
         return [(name, whole) for name in names if (whole := getattr(self, name)) is not None]

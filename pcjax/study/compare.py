@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
+import numpy as np
+
 from pcjax.quality.indices import Estimate
+from pcjax.quality.stopping import FIRST_LOOK, half_width, next_look
 from pcjax.results.evaluation import Evaluation
 from pcjax.results.schema import length_unit_of
 from pcjax.results.tables import in_columns, interval_text, shortened, wrapped
-from pcjax.study.evaluate import evaluate_study
+from pcjax.study.evaluate import Experiment
 from pcjax.study.spec import Study
 from pcjax.units import with_unit
 
@@ -25,10 +29,12 @@ class Ranking:
     Attributes:
         evaluations: by name, the best first.
         by: what they are ranked by, "score" or "does".
+        precision_target: what was asked for (see `compare`).
     """
 
     evaluations: Mapping[str, Evaluation]
     by: Literal["score", "does"]
+    precision_target: float | None = None
 
     @property
     def names(self) -> list[str]:
@@ -43,6 +49,13 @@ class Ranking:
         """How much higher one hand's value is than another's, on the same trials."""
         mine, theirs = self.evaluations[name], self.evaluations[other]
         return mine.difference(theirs, self.by)["index1"]
+
+    @property
+    def precision(self) -> float:
+        """Half the widest 95 % interval of the differences to the best, as a share of the best."""
+        best, *others = self.names
+        widest = np.max([half_width(self.difference(name, best)) for name in others])
+        return float(widest) / self.value(best).value
 
     def verdict(self, name: str, other: str) -> Verdict:
         """Whether one hand is better than another, as far as a 95 % interval can tell."""
@@ -83,6 +96,14 @@ class Ranking:
             for note in result.notes()
         }
         lines += [wrapped(f"note: {', '.join(names)}: {note}") for note, names in notes.items()]
+        if self.precision_target is not None and not self.precision <= self.precision_target:
+            lines.append(
+                wrapped(
+                    f"note: {some.trials:,} trials are too few for the precision asked for: "
+                    f"differences are known to {self.precision:.2%} of the best, not "
+                    f"{self.precision_target:.2%}"
+                )
+            )
         return "\n".join(lines)
 
     def as_json(self) -> dict[str, Any]:
@@ -112,7 +133,8 @@ def compare(studies: Mapping[str, Study], *, progress: bool = False) -> Ranking:
 
     Arguments:
         studies: by name. Seed, trials, limit and precision are the first one's for all; each hand
-            keeps its own engine and step.
+            keeps its own engine and step. Where a `precision_target` is asked for, half the 95 %
+            interval of each difference to the best is to be at most this share of the best.
         progress: whether to show a progress bar on stderr.
 
     Raises:
@@ -129,24 +151,48 @@ def compare(studies: Mapping[str, Study], *, progress: bool = False) -> Ranking:
     if len(studies) < 2:
         raise ValueError("name two hands or more to be compared")
     first = next(iter(studies.values()))
+    target, most = first.run.precision_target, first.trials
     same = {
         "seed": first.run.seed,
-        "trials": first.run.trials,
+        "trials": most,
         "max_steps": first.max_steps,
         "precision": first.run.precision,
+        "precision_target": None,
     }
-    found: dict[str, Evaluation] = {}
+    tried: dict[str, Experiment] = {}
     for name, study in studies.items():
-        try:
-            alike = replace(study, run=replace(study.run, **same), sweep=None)
-            found[name] = evaluate_study(alike, progress=progress)
-        except ValueError as error:
-            raise ValueError(f"{name}: {error}") from None
+        with _named(name):
+            tried[name] = Experiment(replace(study, run=replace(study.run, **same), sweep=None))
+    trials = most if target is None else min(FIRST_LOOK, most)
+    while True:
+        found: dict[str, Evaluation] = {}
+        for name, experiment in tried.items():
+            with _named(name):
+                found[name] = experiment.go_on(trials, progress=progress)
+        ranking = _ranked(found, target)
+        if target is None:
+            return ranking
+        more = next_look(ranking.precision, target, trials, most)
+        if more == trials:
+            return ranking
+        trials = more
+
+
+@contextmanager
+def _named(name: str) -> Iterator[None]:
+    """Says of whom an error is."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+
+
+def _ranked(found: Mapping[str, Evaluation], target: float | None) -> Ranking:
     by = "score" if all(len(e.directions) == 2 for e in found.values()) else "does"
     if by == "does" and any("does" not in e.directions for e in found.values()):
         raise ValueError("one hand has EoEn only and another has not: give all the same direction")
     order = sorted(found, key=lambda name: _order(_value(found[name], by)), reverse=True)
-    return Ranking({name: found[name] for name in order}, by)
+    return Ranking({name: found[name] for name in order}, by, target)
 
 
 def _value(evaluation: Evaluation, by: str) -> Estimate:

@@ -18,6 +18,7 @@ from pcjax.model.drives.base import Drive
 from pcjax.model.hand import HandDesign, full_cage
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import INVALID
+from pcjax.quality.stopping import FIRST_LOOK, half_width, next_look
 from pcjax.results.estimates import counts_of, indices_of, rows_of
 from pcjax.results.evaluation import Evaluation
 from pcjax.results.provenance import conditions, provenance
@@ -39,12 +40,13 @@ def evaluate(
     drive: Drive | None = None,
     law: ContactLaw | None = None,
     start_spread: float = 0.1,
-    trials: int = 5000,
+    trials: int | None = None,
     max_steps: int | None = None,
     seed: int = 0,
     engine: str | Engine = "auto",
     dt: float | None = None,
     precision: int = 32,
+    precision_target: float | None = None,
     units: str | None = None,
     progress: bool = False,
 ) -> Evaluation:
@@ -59,7 +61,8 @@ def evaluate(
         drive: what moves the hand; the paper's wrist unless given.
         law: contact law; the paper's unless given.
         start_spread: spread of the starts near the palm's ends, in palm lengths.
-        trials: trials for each direction.
+        trials: trials for each direction, 5,000 unless given; with `precision_target` the most of
+            them, 1,000,000 unless given.
         max_steps: limit in the paper's steps of 0.001 s; the paper's unless given: 600,000 for a
             circle on the wrist, 300,000 on the arm, 180,000 for a stick.
         seed: trial i is the same experiment for every hand evaluated with the same seed.
@@ -67,6 +70,8 @@ def evaluate(
             "auto" (see `choose_engine`).
         dt: the solver's step in seconds, for an engine that has one; chosen by it unless given.
         precision: 32 or 64 bits.
+        precision_target: how well the score (index 1 where there is no score) is to be known: what
+            share of it half its 95 % interval is to be at most.
         units: of all lengths, "mm", "cm" or "m", with the earth's gravity unless a drive is given;
             or "model", the paper's, in which g is 9.8, which they are unless given. In a real unit
             the hand has to be given, and on the arm the object.
@@ -87,7 +92,9 @@ def evaluate(
         >>> 0 < result.indices("does")["index1"].value <= 20_000
         True
     """
-    settings = Run(direction, trials, max_steps, seed, start_spread, engine, dt, precision)
+    settings = Run(
+        direction, trials, max_steps, seed, start_spread, engine, dt, precision, precision_target
+    )
     study = Study.usual(hand, body, drive, law, settings, units or "model")
     doubts = doubts_of_gravity(getattr(study.drive, "gravity", None), study.units)
     if hand is not None and drive is None and units is None:
@@ -95,6 +102,67 @@ def evaluate(
     for doubt in doubts:
         warnings.warn(doubt, InputWarning, stacklevel=2)
     return evaluate_study(study, progress=progress)
+
+
+class Experiment:
+    """The hand of a study, tried as often as one likes, and then more often.
+
+    Raises:
+        ValueError: see `evaluate`.
+    """
+
+    def __init__(self, study: Study):
+        run_as = study.run
+        self.study = study
+        self._scenarios = study.scenarios()
+        for scenario in self._scenarios.values():
+            check_geometry(scenario)
+        self._engines = [
+            choose_engine(run_as.engine, run_as.dt, scenario)
+            for scenario in self._scenarios.values()
+        ]
+        self._outcomes: Outcomes | None = None
+        self._seconds = 0.0
+
+    @property
+    def trials(self) -> int:
+        """How many there are in each direction."""
+        return 0 if self._outcomes is None else self._outcomes.steps.shape[1]
+
+    def go_on(self, trials: int, *, progress: bool = False) -> Evaluation:
+        """Runs what is missing for so many trials in each direction; what is known then."""
+        began = time.perf_counter()
+        if trials > self.trials:
+            more = _run_each(
+                list(self._scenarios.values()),
+                self._engines,
+                trials=trials - self.trials,
+                first=self.trials,
+                max_steps=self.study.max_steps,
+                seed=self.study.run.seed,
+                precision=self.study.run.precision,
+                progress=progress,
+            )
+            self._outcomes = more if self._outcomes is None else self._outcomes.joined(more)
+        self._seconds += time.perf_counter() - began
+        assert self._outcomes is not None
+        return Evaluation.from_outcomes(self._scenarios, self._outcomes, self._settings())
+
+    def _settings(self) -> dict[str, Any]:
+        study, missing = self.study, self.study.why_no_eoen
+        period = next(iter(self._scenarios.values())).drive.period
+        target = study.run.precision_target
+        return {
+            "seed": study.run.seed,
+            "engine": _provenance_of(self._engines),
+            "dt": np.fmin.reduce([engine.step_taken(period) for engine in self._engines]),
+            "precision": study.run.precision,
+            "length_unit": study.units,
+            "wall_seconds": self._seconds,
+            **({"precision_target": target} if target is not None else {}),
+            **({"no_eoen": missing} if missing else {}),
+            **as_attribute(study),
+        }
 
 
 def evaluate_study(study: Study, *, progress: bool = False) -> Evaluation:
@@ -107,33 +175,17 @@ def evaluate_study(study: Study, *, progress: bool = False) -> Evaluation:
     Raises:
         ValueError: see `evaluate`.
     """
-    run_as, missing = study.run, study.why_no_eoen
-    scenarios = study.scenarios()
-    for scenario in scenarios.values():
-        check_geometry(scenario)
-    chosen = [choose_engine(run_as.engine, run_as.dt, scenario) for scenario in scenarios.values()]
-    began = time.perf_counter()
-    outcomes = _run_each(
-        list(scenarios.values()),
-        chosen,
-        trials=run_as.trials,
-        max_steps=study.max_steps,
-        seed=run_as.seed,
-        precision=run_as.precision,
-        progress=progress,
-    )
-    period = next(iter(scenarios.values())).drive.period
-    settings = {
-        "seed": run_as.seed,
-        "engine": _provenance_of(chosen),
-        "dt": np.fmin.reduce([engine.step_taken(period) for engine in chosen]),
-        "precision": run_as.precision,
-        "length_unit": study.units,
-        "wall_seconds": time.perf_counter() - began,
-        **({"no_eoen": missing} if missing else {}),
-        **as_attribute(study),
-    }
-    return Evaluation.from_outcomes(scenarios, outcomes, settings)
+    experiment, target = Experiment(study), study.run.precision_target
+    if target is None:
+        return experiment.go_on(study.trials, progress=progress)
+    trials = min(FIRST_LOOK, study.trials)
+    while True:
+        found = experiment.go_on(trials, progress=progress)
+        wanted = target * found.main.value
+        more = next_look(half_width(found.main), wanted, trials, study.trials)
+        if more == trials:
+            return found
+        trials = more
 
 
 def evaluate_grid(

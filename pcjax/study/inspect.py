@@ -98,11 +98,13 @@ class Inspection:
                 for (x0, y0), (x1, y1) in view.starts
             ]
             lines.append(f"         starts at {' or '.join(where)}")
-        seconds = study.max_steps / 1000
+        seconds, trials = study.max_steps / 1000, f"{study.trials:,}"
+        if run.precision_target is not None:
+            trials = f"at most {trials}"
         lines += [
             f"drive    {type(study.drive).__name__}, period {study.drive.period:g} s; a fall "
             f"through the hand takes about {self.fall:.2g} s",
-            f"run      {' and '.join(NAMES[d] for d in study.directions)}, {run.trials:,} trials "
+            f"run      {' and '.join(NAMES[d] for d in study.directions)}, {trials} trials "
             f"each, limit {study.max_steps:,} steps ({seconds:g} s), seed {run.seed}",
         ]
         lines += [f"doubt: {doubt}" for doubt in self.doubts]

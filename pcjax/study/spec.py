@@ -35,6 +35,9 @@ from pcjax.units import check_units
 TRIALS = 5000
 """Of a condition in a direction unless said otherwise, as in the paper (Sec. 3.2)."""
 
+MOST_TRIALS = 1_000_000
+"""The same, at most, where a precision is asked for."""
+
 MOST_CONDITIONS = 100_000
 """Of a sweep."""
 
@@ -45,7 +48,8 @@ class Run:
 
     Arguments:
         direction: "does", "eoen" or "both"; unless given, both for a hand that has both.
-        trials: for each direction; the most of them where a precision is asked for.
+        trials: for each direction, 5,000 unless given; where a precision is asked for the most of
+            them, 1,000,000 unless given.
         max_steps: limit in steps of 0.001 s; the paper's unless given.
         seed: trial i depends on (seed, i) alone.
         start_spread: of the starts, in palm lengths.
@@ -53,15 +57,16 @@ class Run:
             "auto" (see `choose_engine`).
         dt: the solver's step, s, for an engine that has one; chosen by the engine unless given.
         precision: 32 or 64 bits.
-        precision_target: in a sweep, a condition has trials enough once half its 95 % interval is
-            this share of its score (of index 1 where there is no score).
+        precision_target: there are trials enough once half the 95 % interval of the score (of
+            index 1 where there is no score) is this share of it (see `pcjax.quality.stopping`);
+            where hands are compared, that of the difference to the best hand.
 
     Raises:
         ValueError: a name or number out of range.
     """
 
     direction: str | None = None
-    trials: int = TRIALS
+    trials: int | None = None
     max_steps: int | None = None
     seed: int = 0
     start_spread: float = 0.1
@@ -79,7 +84,8 @@ class Run:
                 allowed = ", ".join(str(n) for n in names if n is not None)
                 raise ValueError(f"{name} is {value!r}: it has to be one of {allowed}")
         check_engine(self.engine)
-        check_count("trials", self.trials, 1, 2**31 - 1)
+        if self.trials is not None:
+            check_count("trials", self.trials, 1, 2**31 - 1)
         if self.max_steps is not None:
             check_count("max_steps", self.max_steps, 1, 2**31 - 1)
         check_count("seed", self.seed, 0, 2**32 - 1)
@@ -268,6 +274,12 @@ class Study:
         """The limit, in steps of 0.001 s."""
         given = self.run.max_steps
         return usual_max_steps(self.body, self.drive) if given is None else given
+
+    @property
+    def trials(self) -> int:
+        """For each direction; the most of them where a precision is asked for."""
+        usual = TRIALS if self.run.precision_target is None else MOST_TRIALS
+        return usual if self.run.trials is None else self.run.trials
 
     @property
     def components(self) -> dict[str, Component]:

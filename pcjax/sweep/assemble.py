@@ -77,7 +77,7 @@ def assemble(
     used = np.zeros(count, int)
     gap, width, skin, dt = np.full((4, count, len(directions)), np.nan)
     watched = {name: np.full((count, len(directions)), np.nan) for name in WATCHED}
-    kept = study.run.trials if keep_trials else 0
+    kept = study.trials if keep_trials else 0
     steps = np.zeros((count, len(directions), kept), np.int32)
     status = np.zeros(steps.shape, np.uint8)
     for k in range(count):
@@ -148,7 +148,7 @@ def _provenance(plan: Plan) -> dict[str, Any]:
         "made_by": "pcjax sweep",
         "study": study.to_toml(),
         "length_unit": study.units,
-        "trials": study.run.trials,
+        "trials": study.trials,
         "max_steps": study.max_steps,
         "seed": study.run.seed,
         "engine": ", ".join(engines),

@@ -95,7 +95,7 @@ class Plan:
         Raises:
             ValueError: nothing is swept, or no condition can be run.
         """
-        check_count("trials", study.run.trials, 2, 2**31 - 1)
+        check_count("trials", study.trials, 2, 2**31 - 1)
         self.study = study
         self.points: list[dict[str, float]] = []
         self.cells: dict[tuple[int, str], Cell] = {}
@@ -113,7 +113,7 @@ class Plan:
     @property
     def trials(self) -> int:
         """Trials in all, at most."""
-        return len(self.cells) * self.study.run.trials
+        return len(self.cells) * self.study.trials
 
     def seconds(self, cores: int) -> float:
         """About how long it will take, going by typical speeds."""
@@ -121,7 +121,7 @@ class Plan:
             cell.engine.processor_seconds(cell.scenario, self.study.max_steps)
             for cell in self.cells.values()
         )
-        return total * self.study.run.trials / cores
+        return total * self.study.trials / cores
 
     def describe(self, cores: int) -> str:
         """What is about to be done, in a line; with another on conditions that cannot be run."""
@@ -138,6 +138,18 @@ class Plan:
                 f"{self.problems[bad[0]]}"
             )
         return "\n".join(lines)
+
+    def blocks(self, open_cells: Sequence[tuple[int, str]], first: int, upto: int) -> list[Part]:
+        """The parts that run trials `first` to `upto - 1` of some cells."""
+        return [
+            part
+            for start in range(first, upto, BLOCK)
+            for part in self.parts(open_cells, start, min(BLOCK, upto - start))
+        ]
+
+    def rounded(self, trials: int) -> int:
+        """Up to whole blocks, but no more trials than there may be."""
+        return min(-(-trials // BLOCK) * BLOCK, self.study.trials)
 
     def parts(self, open_cells: Sequence[tuple[int, str]], first: int, trials: int) -> list[Part]:
         """The parts that run trials `first` to `first + trials - 1` of some cells."""
@@ -204,16 +216,3 @@ def _duration(seconds: float) -> str:
         if seconds > 2 * size:
             return f"roughly {seconds / size:.0f} {unit}"
     return f"roughly {seconds:.0f} seconds" if seconds > 10 else "some seconds"
-
-
-def waves(study: Study) -> Iterator[tuple[int, int, int]]:
-    """First trial and number of trials of each wave, and of its blocks.
-
-    Where a precision is asked for, a wave is one block, after which it is looked who has enough.
-    """
-    total = study.run.trials
-    if study.run.precision_target is None:
-        yield 0, total, BLOCK
-        return
-    for first in range(0, total, BLOCK):
-        yield first, min(BLOCK, total - first), BLOCK

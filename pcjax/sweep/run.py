@@ -18,13 +18,14 @@ import jax
 
 from pcjax.importing import xr
 from pcjax.progress import progress_bar
+from pcjax.quality.stopping import half_width, next_look
 from pcjax.results.files import locked
 from pcjax.results.reading import load_dataset
 from pcjax.results.saving import save_dataset
 from pcjax.study.spec import Study
 from pcjax.sweep.assemble import Samples, assemble, estimates, take
 from pcjax.sweep.cluster import bench
-from pcjax.sweep.plan import Plan, waves
+from pcjax.sweep.plan import Plan
 from pcjax.sweep.store import Store
 from pcjax.words import package_version
 
@@ -97,8 +98,9 @@ def _run_plan(
     tell: Callable[[str], object],
 ) -> xr.Dataset:
     """Does what is missing and writes the file."""
-    study, store = plan.study, Store(out, recipe)
-    samples = {key: Samples(study.run.trials) for key in plan.cells}
+    store = Store(out, recipe)
+    samples = {key: Samples(plan.study.trials) for key in plan.cells}
+    goals, done = dict.fromkeys((condition for condition, _ in plan.cells), 0), 0
     with (
         progress_bar(
             total=plan.trials,
@@ -109,14 +111,17 @@ def _run_plan(
         ) as bar,
         bench(scheduler) as do,
     ):
-        for first, trials, stages in waves(study):
-            going = [key for key in plan.cells if not _enough(plan, samples, key[0])]
-            bar.total -= (len(plan.cells) - len(going)) * trials
-            parts = [
-                part
-                for start in range(first, first + trials, stages)
-                for part in plan.parts(going, start, min(stages, first + trials - start))
-            ]
+        while True:
+            for condition, goal in goals.items():
+                if goal == done:
+                    goals[condition] = _goal(plan, samples, condition, done)
+            bar.total = sum(goals[condition] for condition, _ in plan.cells)
+            going = [key for key in plan.cells if goals[key[0]] > done]
+            if not going:
+                break
+            # What goes on has had as many trials, all of it.
+            upto = min(goals[condition] for condition, _ in going)
+            parts, done = plan.blocks(going, done, upto), upto
             missing, unusable = [], []
             for part in parts:
                 try:
@@ -155,11 +160,13 @@ def _finished(out: Path, recipe: str) -> xr.Dataset:
     return found
 
 
-def _enough(plan: Plan, samples: Mapping[tuple[int, str], Samples], condition: int) -> bool:
-    """Whether a condition's score is known as well as was asked for."""
-    study, target = plan.study, plan.study.run.precision_target
-    if target is None or samples[condition, study.directions[0]].used == 0:
-        return False
+def _goal(plan: Plan, samples: Mapping[tuple[int, str], Samples], condition: int, done: int) -> int:
+    """After how many trials to look at a condition again; `done`, where it has enough of them."""
+    study, target, most = plan.study, plan.study.run.precision_target, plan.study.trials
+    if target is None:
+        return most
+    if done == 0:
+        return plan.rounded(1)
     each, score = estimates(plan, samples, condition)
     estimate = each[study.directions[0]]["index1"] if score is None else score["index1"]
-    return estimate.high - estimate.low <= 2 * target * estimate.value
+    return plan.rounded(next_look(half_width(estimate), target * estimate.value, done, most))

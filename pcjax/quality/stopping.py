@@ -1,0 +1,48 @@
+"""How many trials a precision takes that was asked for."""
+
+from __future__ import annotations
+
+import math
+
+from pcjax.quality.indices import Estimate
+
+FIRST_LOOK = 1000
+"""Trials after which it is looked at for the first time how many it takes."""
+
+_MARGIN = 1.1
+"""How many times as many trials are run as seem to be needed, so that few looks are."""
+
+_GROWTH = 10.0
+"""How many times as many trials the next look has at most."""
+
+
+def half_width(estimate: Estimate) -> float:
+    """Half of its 95 % interval."""
+    return 0.5 * (estimate.high - estimate.low)
+
+
+def next_look(half: float, wanted: float, trials: int, most: int) -> int:
+    """After how many trials to look again; `trials` if these will do, or there are no more.
+
+    Whoever looks after every trial and stops at the first interval that is narrow enough stops
+    where the scatter is underestimated. So what is seen now says how many trials there shall be,
+    which are then run whatever they show; there are two or three looks.
+
+    Arguments:
+        half: half of the 95 % interval from the trials so far; NaN where nothing is known.
+        wanted: what it is to be at most.
+        trials: so far.
+        most: that there may be.
+
+    Examples:
+        >>> from pcjax.quality.stopping import next_look
+        >>> next_look(0.02, 0.01, 1000, 100_000)
+        4400
+        >>> next_look(0.0099, 0.01, 4400, 100_000)
+        4400
+    """
+    if trials >= most or half <= wanted:
+        return trials
+    known = math.isfinite(half) and wanted > 0
+    needed = _MARGIN * (half / wanted) ** 2 if known else _GROWTH
+    return min(most, math.ceil(trials * min(needed, _GROWTH)))
