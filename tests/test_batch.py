@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -21,7 +22,7 @@ from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand
 from pcjax.model.scenario import Scenario, does, eoen
 from pcjax.physics.state import INVALID, PASSED
-from pcjax.simulate.batch import run
+from pcjax.simulate.batch import run, usual_block
 from pcjax.simulate.outcomes import LIMIT, Outcomes
 from pcjax.simulate.stepping import Stepping, trajectory
 
@@ -85,6 +86,36 @@ def test_a_longer_limit_extends_the_same_trials(usual: Outcomes) -> None:
 
 def test_seeds_differ(usual: Outcomes) -> None:
     assert np.mean(outcomes(seed=1).steps != usual.steps) > 0.3
+
+
+def test_the_settings_of_an_accelerator_change_nothing(
+    usual: Outcomes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its blocks, its compiler options and one thread for each device, on the processor: trials
+    are the same but for rounding."""
+
+    class Pretended:
+        platform = "gpu"
+
+        def __init__(self, device: Any):
+            self.device = device
+
+    devices, default = jax.local_devices(), jax.default_device
+    blocks = []
+
+    def block(trials: int, platform: str) -> int:
+        blocks.append((platform, usual_block(trials, platform)))
+        return blocks[-1][1]
+
+    with monkeypatch.context() as patch:
+        patch.setattr(jax, "local_devices", lambda: [Pretended(device) for device in devices])
+        patch.setattr(jax, "default_device", lambda one: default(one.device))
+        patch.setattr(batch, "usual_block", block)
+        other = outcomes(block=None, workers=None)
+    assert blocks == [("gpu", 1024)]
+    assert usual_block(10**7, "gpu") == 65_536
+    np.testing.assert_array_equal(other.status, usual.status)
+    assert np.mean(np.abs(other.steps - usual.steps) <= 2) > 0.95
 
 
 def test_several_devices_change_nothing(usual: Outcomes, tmp_path: Path) -> None:
