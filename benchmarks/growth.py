@@ -1,4 +1,5 @@
-"""`python -m benchmarks.growth`: how time and memory grow with trials, limbs and the step limit.
+"""`python -m benchmarks.growth`: how time and memory grow with trials, conditions, limbs and the
+step limit.
 
 Each point is measured in a fresh process (its peak memory is its own): a first call that compiles
 and runs one period of the drive, then timed runs. Draws docs/growth.png and prints a table.
@@ -14,10 +15,13 @@ import resource
 import statistics
 import subprocess
 import sys
+import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
@@ -37,12 +41,16 @@ def sweeps(quick: bool) -> dict[str, list[Point]]:
     """
     box = {"limbs": 3, "gap_width": 200.0}
     cage = {"limbs": 3, "gap_width": 40.0}
-    trials = [10**n for n in range(2, 4 if quick else 7)]
+    trials = [10**n for n in range(2, 4 if quick else 8)]
+    conditions = [10**n for n in range(2 if quick else 5)]
     limits = [10**n for n in range(3, 6 if quick else 8)]
     limbs = (1, 3, 8) if quick else range(1, 9)
     some = 100 if quick else 1000
     return {
         "trials": [box | {"trials": n, "max_steps": 2 * PERIOD} for n in trials],
+        "conditions": [
+            box | {"trials": some, "max_steps": 2 * PERIOD, "conditions": n} for n in conditions
+        ],
         "limbs, full cage": [
             cage | {"limbs": n, "trials": some, "max_steps": 10 * PERIOD} for n in limbs
         ],
@@ -76,22 +84,26 @@ def chain_hand(limbs: int, gap_width: float) -> Any:
 def measure(point: Point) -> Point:
     """Runs one point in this process: seconds, simulated steps and peak memory."""
     from pcjax.model.bodies.circle import Circle
-    from pcjax.study.evaluate import evaluate
+    from pcjax.study.evaluate import evaluate_study
+    from pcjax.study.spec import Run, Study, Sweep
+    from pcjax.sweep.run import run_sweep
 
     hand = chain_hand(point["limbs"], point["gap_width"])
 
     def timed(max_steps: int) -> tuple[float, float]:
+        # All starts in the corner: a side that leans leaves no more room.
+        how = Run("does", trials=point["trials"], max_steps=max_steps, start_spread=0.0)
+        study = Study(hand, Circle(25.0), run=how)
         began = time.perf_counter()
-        result = evaluate(
-            hand,
-            Circle(25.0),
-            direction="does",
-            start_spread=0.0,  # all starts in the corner: a side that leans leaves no more room
-            trials=point["trials"],
-            max_steps=max_steps,
-        )
-        seconds = time.perf_counter() - began
-        return seconds, result.indices("does")["index1"].value * point["trials"]
+        if "conditions" not in point:
+            index1 = evaluate_study(study).indices("does")["index1"].value
+            return time.perf_counter() - began, index1 * point["trials"]
+        with tempfile.TemporaryDirectory() as folder:
+            radii = tuple(np.linspace(24.0, 26.0, point["conditions"]).tolist())
+            swept = replace(study, sweep=Sweep({"radius": radii}))
+            found = run_sweep(swept, Path(folder) / "sweep.nc")
+            seconds = time.perf_counter() - began
+            return seconds, float(found.index1[..., 0].sum()) * point["trials"]
 
     imported = _peak_mib()
     first, _ = timed(min(PERIOD, point["max_steps"]))
@@ -125,11 +137,12 @@ def measure_apart(point: Point) -> Point:
 
 
 def draw(found: dict[str, list[Point]]) -> Figure:
-    """Time above, memory below, against each of the three."""
-    figure = Figure(figsize=(12, 6.4), layout="constrained")
-    axes = figure.subplots(2, 3, sharex="col", sharey="row")
+    """Time above, memory below, against each of the four."""
+    figure = Figure(figsize=(15, 6.4), layout="constrained")
+    axes = figure.subplots(2, 4, sharex="col", sharey="row")
     columns = (
         ("trials", "trials", {"trials": "box hand"}),
+        ("conditions", "conditions of a sweep", {"conditions": "box hand"}),
         ("limbs", "limbs per finger", {"limbs, full cage": "full cage"}),
         ("max_steps", "step limit", {"limit": "box hand", "limit, full cage": "full cage"}),
     )
@@ -170,7 +183,7 @@ def _fixed(point: Point, varies: str) -> str:
     """What a column keeps the same."""
     texts = {
         "limbs": f"{point['limbs']} limbs per finger",
-        "trials": f"{point['trials']:,} trials",
+        "trials": f"{point['trials']:,} trials" + (" each" if "conditions" in point else ""),
         "max_steps": f"limit {point['max_steps']:,} steps",
     }
     return ", ".join(text for key, text in texts.items() if key != varies)
@@ -186,7 +199,8 @@ def main() -> None:
         print(json.dumps(measure(arguments.point)))
         return
     print(
-        f"{'':18}{'limbs':>6}{'trials':>11}{'limit':>12}{'first call [s]':>16}{'run [s]':>24}"
+        f"{'':18}{'limbs':>6}{'conditions':>11}{'trials':>11}{'limit':>12}"
+        f"{'first call [s]':>16}{'run [s]':>24}"
         f"{'ns / step':>11}{'peak [MiB]':>12}   ({os.cpu_count()} cores)"
     )
     found: dict[str, list[Point]] = {}
@@ -198,7 +212,8 @@ def main() -> None:
             low, high = min(got["seconds"]), max(got["seconds"])
             middle = statistics.median(got["seconds"])
             print(
-                f"{name:18}{got['limbs']:>6}{got['trials']:>11,}{got['max_steps']:>12,}"
+                f"{name:18}{got['limbs']:>6}{got.get('conditions', 1):>11,}{got['trials']:>11,}"
+                f"{got['max_steps']:>12,}"
                 f"{got['first_call']:>16.1f}{f'{middle:.3g} [{low:.3g}, {high:.3g}]':>24}"
                 f"{1e9 * middle / got['steps']:>11.3g}{got['peak_mib']:>12,.0f}",
                 flush=True,
