@@ -25,12 +25,14 @@ else:
     xr = Later("xarray")
 
 
-def results_meanwhile() -> None:
-    """Imports what results need on another thread, while this one waits for trials."""
+def results_meanwhile(*, kept: bool) -> None:
+    """Imports what results need on another thread, while this one waits for trials; more of it
+    where they are kept or drawn."""
+    # Xarray looks for dask when it makes its first dataset.
+    names = ("scipy.optimize", *(("xarray", "dask.array") if kept else ()))
 
     def bring() -> None:
-        # Xarray looks for dask when it makes its first dataset.
-        for name in ("scipy.optimize", "xarray", "dask.array"):
+        for name in names:
             with suppress(ImportError):
                 importlib.import_module(name)
 

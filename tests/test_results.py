@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import pickle
 import re
 from dataclasses import astuple
 from importlib.metadata import version
@@ -86,6 +87,13 @@ def test_saving_and_loading_gives_the_same_back(run: pcjax.Evaluation, tmp_path:
     assert loaded.as_json() == run.as_json()
     assert repr(loaded) == repr(run)
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.nc"]
+
+
+def test_a_result_can_be_pickled(run: pcjax.Evaluation):
+    again = pickle.loads(pickle.dumps(run))
+    assert again.dataset.identical(run.dataset)
+    assert repr(again) == repr(run)
+    assert again.as_json() == run.as_json()
 
 
 def test_one_direction_survives_the_round_trip(tmp_path: Path):

@@ -40,7 +40,7 @@ def _run(arguments: argparse.Namespace) -> None:
     study = condition(arguments)
     if study.sweep is not None:
         print("pcjax: the study's [sweep] is left out: 'pcjax sweep' runs it", file=sys.stderr)
-    results_meanwhile()
+    results_meanwhile(kept=bool(arguments.out or arguments.plot))
     result = evaluate_study(study, progress=True)
     if arguments.out:
         result.save(arguments.out)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -51,7 +52,18 @@ class Evaluation:
     """
 
     def __init__(self, dataset: xr.Dataset):
-        self.dataset = dataset
+        self.attrs: dict[str, Any] = dict(dataset.attrs)
+        self.directions = [str(d) for d in dataset.direction.values]
+        self._arrays = {str(name): one.values for name, one in dataset.data_vars.items()}
+        self._dataset: Callable[[], xr.Dataset] = lambda: dataset
+
+    def __reduce__(self) -> tuple[type[Evaluation], tuple[xr.Dataset]]:
+        return Evaluation, (self.dataset,)
+
+    @functools.cached_property
+    def dataset(self) -> xr.Dataset:
+        """Everything, labelled; made when it is asked for, since a table needs none."""
+        return self._dataset()
 
     @classmethod
     def from_outcomes(
@@ -61,18 +73,10 @@ class Evaluation:
         some = next(iter(scenarios.values()))
         body = some.body
         places, rounding = places_of(list(scenarios.values()))
-        watched = [None] * len(WATCHED)
+        values = {"escape_step": outcomes.steps, "status": outcomes.status, **places}
         if outcomes.watch is not None:
-            watched = list(np.moveaxis(outcomes.watch, -1, 0))
-        dataset = dataset_of(
-            "evaluation",
-            {
-                **dict(zip(WATCHED, watched, strict=True)),
-                "escape_step": outcomes.steps,
-                "status": outcomes.status,
-                **places,
-            },
-            {"direction": list(scenarios)},
+            values |= dict(zip(WATCHED, np.moveaxis(outcomes.watch, -1, 0), strict=True))
+        attrs = (
             provenance(run)
             | {
                 "trials": outcomes.steps.shape[1],
@@ -87,10 +91,18 @@ class Evaluation:
                 for n in ("orientation", "skin")
                 if body.oriented and (number := getattr(body, n, None)) is not None
             }
-            | conditions(scenarios),
+            | conditions(scenarios)
         )
-        dataset.outline.attrs["rounding"] = rounding
-        return cls(dataset)
+
+        def dataset() -> xr.Dataset:
+            made = dataset_of("evaluation", values, {"direction": list(scenarios)}, attrs)
+            made.outline.attrs["rounding"] = rounding
+            return made
+
+        new = cls.__new__(cls)
+        new.attrs, new.directions, new._arrays = attrs, list(scenarios), values
+        new._dataset = dataset
+        return new
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Evaluation:
@@ -131,26 +143,19 @@ class Evaluation:
         return self.dataset.assign_coords(estimates.coords).assign(estimates.data_vars)
 
     @property
-    def directions(self) -> list[str]:
-        """The directions evaluated, of "does" and "eoen"."""
-        return [str(d) for d in self.dataset.direction.values]
-
-    @property
     def max_steps(self) -> int:
         """The step limit."""
-        return int(self.dataset.attrs["max_steps"])
+        return int(self.attrs["max_steps"])
 
     @property
     def trials(self) -> int:
         """Trials per direction."""
-        return self.dataset.sizes["trial"]
+        return self._arrays["status"].shape[1]
 
     def indices(self, direction: str) -> dict[str, Estimate]:
         """Index 1 and index 2 in one direction, over the trials that did not go wrong."""
-        one = self.dataset.sel(direction=direction)
-        return indices_of(
-            one.escape_step.values, one.status.values, self.max_steps, caged=self._caged(direction)
-        )
+        steps, status = self._row("escape_step", direction), self._row("status", direction)
+        return indices_of(steps, status, self.max_steps, caged=self._caged(direction))
 
     def score(self) -> dict[str, Estimate]:
         """The score (18) by index 1 and by index 2; trial i of both directions shares its draws.
@@ -160,11 +165,12 @@ class Evaluation:
         """
         if len(self.directions) < 2:
             raise ValueError("the score needs both directions: evaluate with direction='both'")
-        both = self.dataset.sel(direction=list(NAMES))
-        does, eoen = (self._caged(direction) for direction in NAMES)
-        return score_of(
-            both.escape_step.values, both.status.values, self.max_steps, caged=(does, eoen)
+        steps, status = (
+            np.stack([self._row(name, direction) for direction in NAMES])
+            for name in ("escape_step", "status")
         )
+        does, eoen = (self._caged(direction) for direction in NAMES)
+        return score_of(steps, status, self.max_steps, caged=(does, eoen))
 
     @property
     def main(self) -> Estimate:
@@ -187,8 +193,7 @@ class Evaluation:
         """
         for name in ("seed", "max_steps", "trials"):
             mine, theirs = (
-                run.trials if name == "trials" else int(run.dataset.attrs[name])
-                for run in (self, other)
+                run.trials if name == "trials" else int(run.attrs[name]) for run in (self, other)
             )
             if mine != theirs:
                 raise ValueError(
@@ -227,7 +232,7 @@ class Evaluation:
 
     def status(self, direction: str) -> dict[str, int]:
         """How many trials passed, reached the limit, or went wrong."""
-        status = self.dataset.status.sel(direction=direction).values
+        status = self._row("status", direction)
         return {name: int(np.sum(status == code)) for code, name in STATUS_NAMES.items()}
 
     def survival(self, direction: str) -> tuple[np.ndarray, np.ndarray]:
@@ -241,19 +246,18 @@ class Evaluation:
         nothing was cut), and `travel`, the largest relative speed times the step. `undone` is how
         many steps in all had to leave the stick where it was.
         """
-        if "skin" not in self.dataset.attrs:
+        if "skin" not in self.attrs:
             return None
-        data = self.dataset.sel(direction=direction)
-        worst = {name: float(data[name].max()) for name in WATCHED}
-        undone = int(data.undone.sum())
-        return worst | {"undone": undone, "skin": float(self.dataset.attrs["skin"])}
+        worst = {name: float(self._row(name, direction).max()) for name in WATCHED}
+        undone = int(self._row("undone", direction).sum())
+        return worst | {"undone": undone, "skin": float(self.attrs["skin"])}
 
     def notes(self) -> list[str]:
         """What one should know before using the numbers; empty if all is well."""
         notes = []
-        if "no_eoen" in self.dataset.attrs:
-            notes.append(f"EoEn, and so the score, is not given: {self.dataset.attrs['no_eoen']}")
-        steps = bool(np.isfinite(self.dataset.attrs["dt"]))
+        if "no_eoen" in self.attrs:
+            notes.append(f"EoEn, and so the score, is not given: {self.attrs['no_eoen']}")
+        steps = bool(np.isfinite(self.attrs["dt"]))
         cure = "a smaller dt mends it" if steps else "precision 64 or engine 'stepping' may mend it"
         for direction in self.directions:
             name, counts, n = NAMES[direction], self.status(direction), self.trials
@@ -278,7 +282,7 @@ class Evaluation:
                 )
             if counts["passed"] == n:
                 notes.append(f"{name}: everybody passed, so index 2 is 0")
-        target, main = self.dataset.attrs.get("precision_target"), self.main
+        target, main = self.attrs.get("precision_target"), self.main
         if target is not None and not main.high - main.low <= 2 * target * main.value:
             known = 0.5 * (main.high - main.low) / main.value
             notes.append(
@@ -313,7 +317,7 @@ class Evaluation:
         sticks = {d: stick for d in self.directions if (stick := self.stick(d))}
         if sticks:
             out["stick"] = sticks
-        attrs = self.dataset.attrs
+        attrs = self.attrs
         return out | {
             "trials": self.trials,
             "seed": int(attrs["seed"]),
@@ -324,7 +328,7 @@ class Evaluation:
         }
 
     def __repr__(self) -> str:
-        attrs = self.dataset.attrs
+        attrs = self.attrs
         shown = [(NAMES[d], self.indices(d), ",.0f") for d in self.directions]
         shown += [("score", self.score(), ".4f")] if len(self.directions) == 2 else []
         rows = []
@@ -355,16 +359,27 @@ class Evaluation:
         return "\n".join(lines + [wrapped(f"note: {note}") for note in self.notes()])
 
     def _gap_and_width(self, direction: str) -> tuple[float, float]:
-        width = float(self.dataset.attrs["object_width"])
-        return float(self.dataset.gap.sel(direction=direction)), width
+        width = float(self.attrs["object_width"])
+        return float(self._row("gap", direction)), width
 
     def _caged(self, direction: str) -> bool:
         return bool(full_cage(*self._gap_and_width(direction)))
 
     def _valid(self, directions: list[str]) -> np.ndarray:
-        return (self.dataset.status.sel(direction=directions) != INVALID).all("direction").values
+        rows = [self._row("status", direction) != INVALID for direction in directions]
+        return np.logical_and.reduce(rows)
 
     def _trials(self, direction: str, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Escape steps, and who reached the limit, of the chosen trials."""
-        one = self.dataset.sel(direction=direction)
-        return one.escape_step.values[chosen], one.status.values[chosen] == LIMIT
+        steps, status = self._row("escape_step", direction), self._row("status", direction)
+        return steps[chosen], status[chosen] == LIMIT
+
+    def _row(self, name: str, direction: str) -> np.ndarray:
+        """A variable in one direction.
+
+        Raises:
+            KeyError: that was not evaluated.
+        """
+        if direction not in self.directions:
+            raise KeyError(direction)
+        return self._arrays[name][self.directions.index(direction)]
