@@ -160,7 +160,7 @@ def draw(found: dict[str, list[Point]]) -> Figure:
             times.errorbar(x, middle, [below, above], fmt="o-", capsize=3, label=text, **style)
             memory.plot(x, [point["peak_mib"] for point in points], "o-", label=text, **style)
         memory.axhline(points[0]["imported_mib"], color="0.5", ls="--", label="imports alone")
-        times.set_title(_fixed(points[0], key))
+        times.set_title(_fixed(points[0], key), fontsize=10)
         memory.set_xlabel(label)
         for axis in (times, memory):
             axis.set_xscale("log")
@@ -186,7 +186,7 @@ def _fixed(point: Point, varies: str) -> str:
         "trials": f"{point['trials']:,} trials" + (" each" if "conditions" in point else ""),
         "max_steps": f"limit {point['max_steps']:,} steps",
     }
-    return ", ".join(text for key, text in texts.items() if key != varies)
+    return ",\n".join(text for key, text in texts.items() if key != varies)
 
 
 def main() -> None:

@@ -23,11 +23,12 @@ def main() -> NoReturn:
         cli.main(ready=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
     except SystemExit as end:
         status = end.code
-    if status in (cli.INTERRUPTED, cli.TERMINATED):
-        # Worker threads may still be inside XLA; nothing is left to be written.
+    if status is None or isinstance(status, int):
+        # Worker threads may still be inside XLA, which takes a tenth of a second to be taken apart;
+        # nothing is left to be written.
         sys.stdout.flush()
         sys.stderr.flush()
-        os._exit(status)
+        os._exit(status or 0)
     sys.exit(status)  # pyright: ignore[reportArgumentType]
 
 
