@@ -137,7 +137,7 @@ def table(every: Sequence[Contender]) -> str:
     """Speeds and ratios to the first contender."""
     mean_steps = every[0].steps.mean()
     lines = [
-        f"{'':36}{'trials':>7}{'million steps/s':>22}{'trials/s':>10}"
+        f"{'':36}{'trials':>7}{'million steps/s':>24}{'trials/s':>10}"
         f"{'first one is faster by':>26}{'first call':>12}"
     ]
     for contender in every:
@@ -145,7 +145,7 @@ def table(every: Sequence[Contender]) -> str:
         ratios = [a / b for a, b in zip(every[0].rates, contender.rates, strict=True)]
         per_second = statistics.median(contender.rates) / mean_steps
         lines.append(
-            f"{contender.name:36}{contender.trials:>7,}{_with_range(rates):>22}"
+            f"{contender.name:36}{contender.trials:>7,}{_with_range(rates):>24}"
             f"{_short(per_second):>10}{_with_range(ratios):>26}{contender.first_call:>10.1f} s"
         )
     return "\n".join(lines)
