@@ -225,3 +225,34 @@ def test_a_body_stays_in_its_corner_for_as_long_as_the_pull_stays() -> None:
     assert np.all(np.asarray(end.time) >= BEGIN + 3000.0)
     # Along the palm, or on end in the corner.
     assert np.all(np.minimum(abs(end.position.y), abs(end.position.y - 35.0)) < 0.01)
+
+
+def test_a_circle_rolls_over_a_fingertip_as_a_pendulum_in_few_leaps() -> None:
+    """Pressed against a fingertip's end by a pull along the finger, it rolls about that end: without
+    slipping v^2 = 4/3 g r (cos a_0 - cos a), until a is some 55 degrees. Leaps that end where it
+    crosses the plane through the end are 3,000."""
+    pull, first_angle, seconds = 9.8, 0.1, 7.0
+    circle = pcjax.Circle(50.0)
+    hand = pcjax.box_hand(0.0, fingertip_length=100.0)
+
+    @jax.jit
+    def rolled(body: Body) -> Tumble:
+        world = pcjax.does(hand, body, STEADY, pcjax.ContactLaw(friction=3.0)).world()
+        end = world.limbs[3].end
+        place = end.x + 50.0 * math.sin(first_angle), end.y - 50.0 * math.cos(first_angle)
+        zero = jnp.zeros(())
+        first = released(place, (zero, zero), zero, zero)
+        return flown(world, pulled(zero, zero + pull), first, seconds)
+
+    with jax.enable_x64(True):
+        flight = jax.device_get(rolled(jax.tree.map(jnp.asarray, circle)))
+        end = hand.limbs()[3].end
+    across, below = flight.position.x - float(end.x), float(end.y) - flight.position.y
+    angle = math.atan2(across, below)
+    assert 0.5 < angle < 0.95
+    assert math.hypot(across, below) == pytest.approx(50.0, abs=1e-5)
+    speed = math.hypot(flight.velocity.x, flight.velocity.y)
+    square = 4 / 3 * pull * 50.0 * (math.cos(first_angle) - math.cos(angle))
+    assert speed == pytest.approx(math.sqrt(square), rel=2e-5)
+    assert abs(flight.spin) * 50.0 == pytest.approx(speed, rel=1e-5)
+    assert flight.leaps < 600

@@ -38,6 +38,20 @@ LARGEST_TURN = 0.01
 """Largest turn, radians, of a leap on a contact that carries the body."""
 
 
+def while_round(near: Scalar, far: Scalar, speed: Scalar, hard: Scalar, jerk: Scalar) -> Scalar:
+    """For how long what starts at that speed, with accelerations of at most `hard` that change by
+    at most `jerk`, is led astray by no more than half of `near` where its distance to a point,
+    `far`, is taken as a parabola.
+
+    That distance has the derivatives (v.y) / |y|, (v.v - f'^2 + a.y) / |y| and, as the bound has
+    it, (3 v.a - 3 f' f'') / |y|; from rest the third grows with time.
+    """
+    longest = jnp.sqrt(jnp.sqrt(near * far / (2.0 * hard * hard + 1e-9)))
+    quick = speed + hard * longest
+    third = 3.0 * quick * (2.0 * hard + quick * quick / far) / far + jerk + 1e-12
+    return jnp.minimum(longest, cube_root(3.0 * near / third))
+
+
 def while_kept(
     longest: Scalar,
     found: Sequence[Contact],
@@ -92,7 +106,14 @@ def while_kept(
         core = skin + half
         arc = jnp.where(on_end, jnp.maximum(0.05 * core, jnp.sqrt(2.0 * core * near)), 0.05 * size)
         rolled = first_root(arc, -jnp.abs(velocity.dot(along)), -jnp.abs(change.dot(along)))
-        ends = jnp.where(on_end, rolled, ends)
+        around = while_round(
+            near,
+            jnp.where(on_end, jnp.maximum(contact.core, 0.5 * core), 1.0),
+            unit_and_length(velocity)[1],
+            unit_and_length(change)[1],
+            0.0,
+        )
+        ends = jnp.where(on_end, jnp.minimum(rolled, around), ends)
         ends = jnp.where(contact.kind == ON_EDGE, jnp.minimum(ends, rolled), ends)
         ends = jnp.where(strays, jnp.minimum(ends, astray), ends)
         longest = fence(jnp.where(on, jnp.minimum(longest, ends), longest), barrier)
@@ -153,11 +174,7 @@ def while_apart(
 
     def over_end(limb: Segment, arm: Vec, beyond: Scalar, normal: Vec, distance: Scalar) -> Scalar:
         """For how long a vertex that goes round a limb's end, touching it, stays so far away from
-        it, and is past the flat side; 0 if it does not.
-
-        The distance to a point has derivatives (v.y) / |y|, (v.v - f'^2 + a.y) / |y| and, as the
-        bound has it, (3 v.a - 3 f' f'') / |y|.
-        """
+        it, and is past the flat side; 0 if it does not."""
         length = unit_and_length(arm)[1]
         moving = velocity + left_of(arm) * path.spin
         change = pulled + left_of(arm) * path.twist - arm * square
@@ -165,13 +182,15 @@ def while_apart(
         on_end = (beyond != 0) & (jnp.abs(distance - rounding) <= near) & (distance > 0)
         far = jnp.where(on_end, distance, 1.0)
         true = change.dot(normal) + aside * aside / far
-        quick, strong = fast + most * length, hard + length * (twist + most * most)
-        jerk = 3.0 * quick * (2.0 * strong + quick * quick / far) / far + length * jolt + 1e-12
-        kept = jnp.maximum(3.0 * true / jerk, cube_root(3.0 * near / jerk))
+        strong = hard + length * (twist + most * most)
+        kept = while_round(near, far, unit_and_length(moving)[1], strong, length * jolt)
+        # What carries it was worked out before it was put back to touching, by no more than `near`.
+        slack = 2.0 * near * (aside / far) * (aside / far)
+        kept = jnp.minimum(kept, 0.5 * far / jnp.maximum(jnp.abs(aside), 1e-9))
         to_side = jnp.where(beyond > 0, 1.0, -1.0)
         along, rate = moving.dot(limb.tangent) * to_side, change.dot(limb.tangent) * to_side
         until_side = first_root(jnp.abs(beyond) + near, along, rate - (length * jolt) * horizon)
-        goes = on_end & (jnp.abs(falling) <= noise) & (true > -8.0 * noise)
+        goes = on_end & (jnp.abs(falling) <= noise) & (true > -8.0 * noise - slack)
         return jnp.where(goes, jnp.minimum(kept, until_side), 0.0)
 
     def for_limb(
