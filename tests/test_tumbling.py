@@ -228,7 +228,7 @@ def test_a_body_stays_in_its_corner_for_as_long_as_the_pull_stays() -> None:
 
 
 def test_a_circle_rolls_over_a_fingertip_as_a_pendulum_in_few_leaps() -> None:
-    """Pressed against a fingertip's end by a pull along the finger, it rolls about that end: without
+    """Pressed against a fingertip's end by a pull along the finger, it rolls about it: without
     slipping v^2 = 4/3 g r (cos a_0 - cos a), until a is some 55 degrees. Leaps that end where it
     crosses the plane through the end are 3,000."""
     pull, first_angle, seconds = 9.8, 0.1, 7.0
