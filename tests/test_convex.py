@@ -326,3 +326,11 @@ def test_hardly_any_friction_or_thickness_is_none() -> None:
     for hand in (OPEN, replace(OPEN, thickness=1e-5)):
         hardly = run([pcjax.does(hand, capsule, law=law)], **settings)
         assert np.mean(np.abs(hardly.steps - without.steps) <= 2) >= 0.9
+
+
+def test_a_small_sharp_square_is_not_lost_to_rounding() -> None:
+    """Its skin of 0.0014 is about what 32 bits hide in a hand of 500; with no more between corners
+    and limbs 28 of 1,000 such trials went wrong, so that none of 200 had a chance of 0.4 %."""
+    scenario = pcjax.does(pcjax.box_hand(math.radians(10)), pcjax.Square(10.0))
+    out = run([scenario], engine=ConvexLeaps(), trials=200, max_steps=600_000)
+    assert not np.any(out.status == INVALID)

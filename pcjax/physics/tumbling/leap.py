@@ -33,6 +33,9 @@ from pcjax.physics.tumbling.bounds import while_apart, while_kept
 from pcjax.physics.tumbling.flight import Margins, Path, Tumble, any_of, gyration_of
 from pcjax.physics.tumbling.settling import CAPTURE, CONTACTS, settled_by
 
+_CLEAR = 8.0
+"""How many times what rounding may hide a body and a limb are held apart, at least."""
+
 
 def tumble(
     world: World, profile: Any, interval: Scalar, flight: Tumble, until: Scalar | None = None
@@ -53,9 +56,9 @@ def tumble(
     leg = fence_all(drive.leg(profile, flight.time, interval), barrier)
     change = leg.until if until is None else jnp.minimum(leg.until, until)
     ground, flight = flight, _seen_from_hand(flight, leg, barrier)
-    per_gyration, skin, half = fence_all(
-        (shape.per_gyration, shape.skin, world.half_thickness), barrier
-    )
+    # On which side of a limb a corner is has to be clear, whatever rounding does.
+    skin = jnp.maximum(shape.skin, _CLEAR * world.nearness() - world.half_thickness)
+    per_gyration, skin, half = fence_all((shape.per_gyration, skin, world.half_thickness), barrier)
     rounding = skin + half
     turning = jnp.abs(flight.spin) * shape.radius
     fast = jnp.abs(flight.velocity.x) + jnp.abs(flight.velocity.y) + turning + 1.0
