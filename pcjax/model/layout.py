@@ -146,7 +146,8 @@ def geometries_of(places: Sequence[Place]) -> list[Geometry]:
     which takes little longer than one of them."""
     exact = [jax.tree.map(float, place) for place in places]
     keys = [(jax.tree.structure(one), *jax.tree.leaves(one)) for one in exact]
-    found = {key: _known[key] for key in keys if key in _known}
+    with _lock:
+        found = {key: _known[key] for key in keys if key in _known}
     groups: dict[Any, dict[Any, Place]] = {}
     for key, one in zip(keys, exact, strict=True):
         if key not in found:

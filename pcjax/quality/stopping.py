@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import TypeVar
 
 from pcjax.quality.indices import Estimate
+
+F = TypeVar("F")
 
 FIRST_LOOK = 1000
 """Trials after which it is looked at for the first time how many it takes."""
@@ -19,6 +23,36 @@ _GROWTH = 10.0
 def half_width(estimate: Estimate) -> float:
     """Half of its 95 % interval."""
     return 0.5 * (estimate.high - estimate.low)
+
+
+def precision_of(estimate: Estimate) -> float:
+    """Half of its 95 % interval as a share of it; NaN where nothing is known."""
+    return half_width(estimate) / estimate.value
+
+
+def until_known(
+    target: float | None,
+    most: int,
+    go_on: Callable[[int], F],
+    precision: Callable[[F], float],
+) -> F:
+    """What so many trials give that it is as precise as is asked for.
+
+    Arguments:
+        target: the precision; None: after the most trials.
+        most: trials that there may be.
+        go_on: what a number of trials gives.
+        precision: of that.
+    """
+    if target is None:
+        return go_on(most)
+    trials = min(FIRST_LOOK, most)
+    while True:
+        found = go_on(trials)
+        more = next_look(precision(found), target, trials, most)
+        if more == trials:
+            return found
+        trials = more
 
 
 def next_look(half: float, wanted: float, trials: int, most: int) -> int:

@@ -17,6 +17,7 @@ from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import INVALID
 from pcjax.quality.indices import Estimate, mean, ratio_difference, survival_curve
+from pcjax.quality.stopping import precision_of
 from pcjax.results.estimates import counts_of, indices_of, rows_of, score_of
 from pcjax.results.geometry import places_of
 from pcjax.results.provenance import conditions, provenance
@@ -282,9 +283,8 @@ class Evaluation:
                 )
             if counts["passed"] == n:
                 notes.append(f"{name}: everybody passed, so index 2 is 0")
-        target, main = self.attrs.get("precision_target"), self.main
-        if target is not None and not main.high - main.low <= 2 * target * main.value:
-            known = 0.5 * (main.high - main.low) / main.value
+        target, known = self.attrs.get("precision_target"), precision_of(self.main)
+        if target is not None and known > target:
             notes.append(
                 f"{self.trials:,} trials are too few for the precision asked for: it is known to "
                 f"{known:.2%}, not {target:.2%}"

@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from pcjax.checks import check_count
 from pcjax.compiling import Kept
+from pcjax.geometry import stacked
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import INVALID, PAPER_DT, PASSED, RUNNING
 from pcjax.simulate.lanes import Lanes
@@ -166,8 +167,7 @@ _STRAY = 0.01
 
 def _regions(scenarios: Sequence[Scenario]) -> Float[np.ndarray, "conditions corners 2"]:
     """What limbs and goal line enclose in each condition."""
-    hands = jax.tree.map(lambda *leaves: np.asarray(leaves, float), *(s.hand for s in scenarios))
-    corners = hands.region()
+    corners = stacked([jax.tree.map(float, scenario.hand) for scenario in scenarios]).region()
     return np.stack([[corner.x, corner.y] for corner in corners]).transpose(2, 0, 1)
 
 

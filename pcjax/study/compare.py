@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pcjax.quality.indices import Estimate
-from pcjax.quality.stopping import FIRST_LOOK, half_width, next_look
+from pcjax.quality.stopping import half_width, until_known
 from pcjax.results.evaluation import Evaluation
 from pcjax.results.schema import length_unit_of
 from pcjax.results.tables import in_columns, interval_text, shortened, wrapped
@@ -163,19 +163,15 @@ def compare(studies: Mapping[str, Study], *, progress: bool = False) -> Ranking:
     for name, study in studies.items():
         with _named(name):
             tried[name] = Experiment(replace(study, run=replace(study.run, **same), sweep=None))
-    trials = most if target is None else min(FIRST_LOOK, most)
-    while True:
+
+    def go_on(trials: int) -> Ranking:
         found: dict[str, Evaluation] = {}
         for name, experiment in tried.items():
             with _named(name):
                 found[name] = experiment.go_on(trials, progress=progress)
-        ranking = _ranked(found, target)
-        if target is None:
-            return ranking
-        more = next_look(ranking.precision, target, trials, most)
-        if more == trials:
-            return ranking
-        trials = more
+        return _ranked(found, target)
+
+    return until_known(target, most, go_on, lambda ranking: ranking.precision)
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from pcjax.model.drives.base import Drive
 from pcjax.model.hand import HandDesign, full_cage
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import INVALID
-from pcjax.quality.stopping import FIRST_LOOK, half_width, next_look
+from pcjax.quality.stopping import precision_of, until_known
 from pcjax.results.estimates import counts_of, indices_of, rows_of
 from pcjax.results.evaluation import Evaluation
 from pcjax.results.provenance import conditions, provenance
@@ -175,17 +175,13 @@ def evaluate_study(study: Study, *, progress: bool = False) -> Evaluation:
     Raises:
         ValueError: see `evaluate`.
     """
-    experiment, target = Experiment(study), study.run.precision_target
-    if target is None:
-        return experiment.go_on(study.trials, progress=progress)
-    trials = min(FIRST_LOOK, study.trials)
-    while True:
-        found = experiment.go_on(trials, progress=progress)
-        wanted = target * found.main.value
-        more = next_look(half_width(found.main), wanted, trials, study.trials)
-        if more == trials:
-            return found
-        trials = more
+    experiment = Experiment(study)
+    return until_known(
+        study.run.precision_target,
+        study.trials,
+        lambda trials: experiment.go_on(trials, progress=progress),
+        lambda found: precision_of(found.main),
+    )
 
 
 def evaluate_grid(

@@ -26,11 +26,18 @@ from pcjax.sweep.plan import Part, Plan
 class Samples:
     """The trials of one cell so far."""
 
-    def __init__(self, most: int):
-        self.steps = np.zeros(most, np.int32)
-        self.status = np.zeros(most, np.uint8)
+    def __init__(self) -> None:
+        self.steps = np.zeros(0, np.int32)
+        self.status = np.zeros(0, np.uint8)
         self.watch: np.ndarray | None = None
         self.used = 0
+
+    def make_room(self, trials: int) -> None:
+        """For so many in all; where a precision is asked for, there may be far more than needed."""
+        more = trials - len(self.steps)
+        self.steps, self.status = (np.pad(old, (0, more)) for old in (self.steps, self.status))
+        if self.watch is not None:
+            self.watch = np.pad(self.watch, ((0, more), (0, 0)))
 
 
 def take(samples: Mapping[tuple[int, str], Samples], part: Part, outcomes: Outcomes) -> None:
@@ -70,14 +77,14 @@ def assemble(
 ) -> xr.Dataset:
     """The dataset of a sweep that is complete. Nothing in it depends on when or where it was run,
     but for the kind of device."""
-    study, directions, count = plan.study, plan.study.directions, len(plan.points)
+    directions, count = plan.study.directions, len(plan.points)
     index = {name: np.full((count, len(directions), len(STATISTICS)), np.nan) for name in INDICES}
     score = np.full((count, len(INDICES), len(STATISTICS)), np.nan)
     counts = np.zeros((count, len(directions), len(STATUS_NAMES)), int)
     used = np.zeros(count, int)
     gap, width, skin, dt = np.full((4, count, len(directions)), np.nan)
     watched = {name: np.full((count, len(directions)), np.nan) for name in WATCHED}
-    kept = study.trials if keep_trials else 0
+    kept = int(keep_trials) * max(len(sample.steps) for sample in samples.values())
     steps = np.zeros((count, len(directions), kept), np.int32)
     status = np.zeros(steps.shape, np.uint8)
     for k in range(count):
@@ -92,7 +99,9 @@ def assemble(
             counts[k, d] = counts_of(sample.status[: sample.used])
             gap[k, d], width[k, d] = cell.gap, float(cell.scenario.body.width)
             dt[k, d] = cell.engine.step_taken(cell.scenario.drive.period)
-            steps[k, d], status[k, d] = sample.steps[:kept], sample.status[:kept]
+            if keep_trials:
+                mine = slice(len(sample.steps))
+                steps[k, d, mine], status[k, d, mine] = sample.steps, sample.status
             if sample.watch is not None:
                 skin[k, d] = float(getattr(cell.scenario.body, "skin", np.nan))
                 worst = sample.watch[: sample.used]

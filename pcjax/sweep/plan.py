@@ -162,7 +162,7 @@ class Plan:
         for (engine, _), keys in groups.items():
             least, most = _CONDITIONS
             each = engine.processor_seconds(self.cells[keys[0]].scenario, self.study.max_steps)
-            count = min(max(int(_SECONDS / (each * trials)), least), most)
+            count = min(max(int(_SECONDS / max(each * trials, 1e-9)), least), most)
             for start in range(0, len(keys), count):
                 some = tuple(keys[start : start + count])
                 found.append(

@@ -18,7 +18,7 @@ import jax
 
 from pcjax.importing import xr
 from pcjax.progress import progress_bar
-from pcjax.quality.stopping import half_width, next_look
+from pcjax.quality.stopping import next_look, precision_of
 from pcjax.results.files import locked
 from pcjax.results.reading import load_dataset
 from pcjax.results.saving import save_dataset
@@ -99,7 +99,7 @@ def _run_plan(
 ) -> xr.Dataset:
     """Does what is missing and writes the file."""
     store = Store(out, recipe)
-    samples = {key: Samples(plan.study.trials) for key in plan.cells}
+    samples = {key: Samples() for key in plan.cells}
     goals, done = dict.fromkeys((condition for condition, _ in plan.cells), 0), 0
     with (
         progress_bar(
@@ -122,6 +122,8 @@ def _run_plan(
             # What goes on has had as many trials, all of it.
             upto = min(goals[condition] for condition, _ in going)
             parts, done = plan.blocks(going, done, upto), upto
+            for key in going:
+                samples[key].make_room(upto)
             missing, unusable = [], []
             for part in parts:
                 try:
@@ -169,4 +171,4 @@ def _goal(plan: Plan, samples: Mapping[tuple[int, str], Samples], condition: int
         return plan.rounded(1)
     each, score = estimates(plan, samples, condition)
     estimate = each[study.directions[0]]["index1"] if score is None else score["index1"]
-    return plan.rounded(next_look(half_width(estimate), target * estimate.value, done, most))
+    return plan.rounded(next_look(precision_of(estimate), target, done, most))
