@@ -13,7 +13,7 @@ from pcjax.design.space import Design, DesignSpace
 from pcjax.model.hand import HandDesign
 from pcjax.physics.state import PAPER_DT
 from pcjax.progress import progress_bar
-from pcjax.quality.indices import Estimate, extremes
+from pcjax.quality.indices import UNDEFINED, Estimate, extremes
 from pcjax.quality.surrogate import Sample, Surrogate
 
 _BATCH = 64
@@ -25,8 +25,9 @@ class Comparison:
     """Exact scores of some designs, all on the same trials.
 
     Attributes:
-        scores: of each design; the ratio DoEs / EoEn, or DoEs alone where there is no EoEn.
-        logs: their logarithms.
+        scores: of each design; the ratio DoEs / EoEn, or DoEs alone where there is no EoEn;
+            undefined where the trials cannot tell (see `Surrogate.known`).
+        logs: their logarithms, finite even where a score is undefined (see `Surrogate.judge`).
         covariance: of the logarithms.
         trials: of each design and direction.
         sample: what the trials gave.
@@ -51,8 +52,11 @@ class Comparison:
         return int(np.argmax(self.logs))
 
     def improvement(self, start: int, end: int) -> Estimate:
-        """How much higher the score of design `end` is than that of `start`."""
-        values = np.exp(self.logs[[start, end]])
+        """How much higher the score of design `end` is than that of `start`; undefined where one of
+        them is."""
+        if math.isnan(self.scores[start].value + self.scores[end].value):
+            return UNDEFINED
+        values = np.array([self.scores[k].value for k in (start, end)])
         jacobian = np.array([-values[0], values[1]])
         pair = np.ix_([start, end], [start, end])
         se = math.sqrt(max(float(jacobian @ self.covariance[pair] @ jacobian), 0.0))
@@ -125,9 +129,12 @@ def compare_hands(
     count = influence.shape[1]
     covariance = influence @ influence.T / (count * (count - 1))
     errors = np.sqrt(np.diag(covariance))
-    scores = []
-    for k, (log, error) in enumerate(zip(logs, errors, strict=True)):
-        value = math.exp(log)
+    scores, means = [], sample.means()
+    for k, error in enumerate(errors):
+        if not exact.known(means[k]):
+            scores.append(UNDEFINED)
+            continue
+        value = math.exp(exact.judge(means[k : k + 1])[0][0] @ exact.signs)
         low, high = _bounds(exact, sample, [k], lambda one: (math.exp(one[0]), np.ones(1)))
         scores.append(Estimate(value, value * error, min(low, value), max(high, value)))
     return Comparison(scores, logs, covariance, trials, sample, exact)

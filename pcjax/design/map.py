@@ -16,6 +16,7 @@ from pcjax.checks import check_count, check_kind
 from pcjax.compiling import compiled_quickly
 from pcjax.design.compare import score_all
 from pcjax.design.search import grid_lines
+from pcjax.design.shapes import shapes
 from pcjax.design.space import DesignSpace
 from pcjax.geometry import Scalar
 from pcjax.importing import xr
@@ -32,43 +33,6 @@ from pcjax.results.schema import dataset_of
 
 FINE = 121
 """Hands along each side that are looked at, to draw where there are none."""
-
-_TOGETHER = 512
-"""Hands that are looked at in one call: one compiled program for maps of any size."""
-
-
-def shapes(
-    surrogate: Surrogate, space: DesignSpace, designs: Float[np.ndarray, "*shape parameters"]
-) -> tuple[Float[np.ndarray, "*shape"], Bool[np.ndarray, "*shape"]]:
-    """The gaps of many hands, and which of them can be: lengths above 0, hands in all of the
-    task's directions, and room for the object at its starts."""
-
-    task, flat = surrogate.task, designs.reshape(-1, len(space.free))
-    padded = np.concatenate([flat, np.repeat(flat[:1], -len(flat) % _TOGETHER, axis=0)])
-    found = []
-    with jax.enable_x64(True):
-        for start in range(0, len(padded), _TOGETHER):
-            block = jnp.asarray(padded[start : start + _TOGETHER], float)
-            hands = jax.tree.map(np.asarray, jax.vmap(space.hand)(block))
-            found.append(
-                _shapes(task.body, task.drive, task.law, task.start_spread, hands, task.directions)
-            )
-    gaps, there = (np.concatenate(part)[: len(flat)] for part in zip(*found, strict=True))
-    return gaps.reshape(designs.shape[:-1]), there.reshape(designs.shape[:-1])
-
-
-@functools.partial(compiled_quickly, static_argnames="directions")
-def _shapes(
-    body: Body, drive: Drive, law: ContactLaw, spread: Scalar, hands: HandDesign, directions: tuple
-) -> tuple[Array, Array]:
-    def one(hand: HandDesign) -> tuple[Array, Array]:
-        there = jnp.all(jnp.array([length > 0 for row in hand.lengths for length in row]))
-        there = there & is_hand(hand, directions)
-        for direction in directions:
-            there = there & fits(DIRECTIONS[direction](hand, body, drive, law, spread))
-        return jnp.asarray(hand.gap()), there
-
-    return jax.vmap(one)(hands)
 
 
 def score_map(
@@ -145,7 +109,7 @@ class MapPlan:
         current = space.design_of(space.base)
         designs = np.stack(np.meshgrid(*lines), axis=-1).reshape(-1, 2)
         designs = np.concatenate([designs, current[None]])
-        gaps, possible = shapes(surrogate, space, designs)
+        gaps, possible = shapes(surrogate.task, space, designs)
         scored = possible & ~full_cage(gaps, space.width)
         if not np.any(scored[:-1]):
             raise ValueError(
@@ -181,7 +145,7 @@ class MapPlan:
         }
         fine = {f"{p.label}_fine": np.linspace(p.low, p.high, FINE) for p in (y, x)}
         places = np.stack(np.meshgrid(fine[f"{x.label}_fine"], fine[f"{y.label}_fine"]), axis=-1)
-        gaps, possible = shapes(surrogate, space, places)
+        gaps, possible = shapes(surrogate.task, space, places)
         task, base = surrogate.task, space.hand(current)
         scenarios = dict(zip(task.directions, task.scenarios(base), strict=True))
         dataset = dataset_of(

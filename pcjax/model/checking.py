@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import jax.numpy as jnp
-
-from pcjax.geometry import Flag, Scalar
+from pcjax.geometry import Flag, Scalar, library_of
 from pcjax.model.hand import HandDesign
 from pcjax.model.layout import (
     Geometry,
     Place,
-    fit_of,
     geometries_of,
     geometry_of_hand,
     same_gap,
@@ -23,21 +20,15 @@ from pcjax.model.scenario import Scenario
 def is_hand(hand: HandDesign, directions: Sequence[str]) -> Flag:
     """Whether a hand is one in these directions: no limbs cross, the fingertips face each other
     across a free goal line, and it has EoEn if that is asked for. The numbers may be traced."""
-    seen = {"does": hand}
+    xp, seen = library_of(hand), {"does": hand}
     if "eoen" in directions:
         seen["eoen"] = hand.with_fingertips_mirrored()
-    good = jnp.asarray(True)
+    good = xp.asarray(True)
     for direction in directions:
         one = seen[direction]
-        crossed = jnp.any(jnp.array(list(one.crossings().values())))
-        good = good & one.faces() & jnp.logical_not(one.blocked_goal() | crossed)
+        crossed = xp.any(xp.asarray(list(one.crossings().values())), axis=0)
+        good = good & one.faces() & xp.logical_not(one.blocked_goal() | crossed)
     return good & same_gap(hand.gap(), seen[directions[-1]].gap(), hand.thickness)
-
-
-def fits(scenario: Scenario) -> Flag:
-    """Whether the object fits at its starts, and they are inside the hand; may be traced."""
-    fit = fit_of(scenario.hand, scenario.contact_radius, scenario.start_spread)
-    return (fit.clearance >= _slack(scenario)) & jnp.logical_not(fit.outside)
 
 
 def _slack(scenario: Scenario) -> Scalar:

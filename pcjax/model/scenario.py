@@ -18,7 +18,13 @@ from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.base import Drive
 from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.hand import Goal, HandDesign
-from pcjax.model.layout import corner_centre, first_centre, geometry_of_hand, same_gap
+from pcjax.model.layout import (
+    corner_centre,
+    first_centre,
+    geometries_of,
+    geometry_of_hand,
+    same_gap,
+)
 
 
 class World(eqx.Module):
@@ -219,6 +225,11 @@ def why_no_eoen(hand: HandDesign) -> str:
             f"so that the gap is {gap:.4g} for escaping and would be {mirrored:.4g} for entering"
         )
     return ""
+
+
+def look_at(hands: Sequence[HandDesign]) -> None:
+    """Works out at once what `why_no_eoen` has to know of many hands, and keeps it."""
+    geometries_of([(one, 0.0, 0.0) for h in hands for one in (h, h.with_fingertips_mirrored())])
 
 
 def usual_max_steps(body: Body, drive: Drive) -> int:

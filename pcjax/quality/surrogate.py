@@ -22,6 +22,7 @@ on the same experiments (common random numbers).
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -174,7 +175,7 @@ class Surrogate:
             bases: hands in which clouds are made, each for as many of `hands` in turn, which differ
                 little from it; unless given, each hand has its own.
         """
-        each = [[self.softened(s) for s in self.task.scenarios(hand)] for hand in hands]
+        each = [[self.softened(s) for s in some] for some in self.task.scenarios_of(hands)]
         flat = [scenario for scenarios in each for scenario in scenarios]
         engine = self.engine(flat)
         if self.form == "cloud":
@@ -286,19 +287,47 @@ class Surrogate:
         """How each direction's logarithm counts in the score's: DoEs over EoEn."""
         return np.array([1.0, -1.0])[: len(self.task.directions)]
 
+    def combined(self, each: Float[np.ndarray, "*some directions"]) -> Float[np.ndarray, "*some"]:
+        """The logarithm of the score, from each direction's."""
+        return each @ self.signs
+
     def log_score(self, means: Float[Array, "directions 2"]) -> Scalar:
         """The logarithm of the score, from a hand's means."""
-        logs = [_log_quality(one, *self._static()) for one in means]
+        logs = [_log_quality(one, math.inf, *self._static()) for one in means]
         return logs[0] - logs[1] if len(logs) == 2 else logs[0]
 
     def judge(
-        self, means: Float[np.ndarray, "hands directions 2"]
+        self, means: Float[np.ndarray, "hands directions 2"], trials: float = math.inf
     ) -> tuple[Float[np.ndarray, "hands directions"], Float[np.ndarray, "hands directions 2"]]:
         """How well each hand holds in each direction, as a logarithm, and that one's derivatives
-        with respect to the means."""
+        with respect to the means.
+
+        Arguments:
+            means: of each hand and direction, as `Sample.means` has them.
+            trials: that they are of. A share has half a trial more that is held, and half a one
+                that is not: where none or all are held its logarithm is finite so, and does not
+                jump where the first one is.
+        """
         with jax.enable_x64(True):
-            value, slope = _judge(jnp.asarray(means, float), *self._static())
+            value, slope = _judge(jnp.asarray(means, float), float(trials), *self._static())
             return np.asarray(value), np.asarray(slope)
+
+    def doubt(
+        self, means: Float[np.ndarray, "hands directions 2"], trials: int
+    ) -> Float[np.ndarray, "hands directions"]:
+        """The variance that the logarithms of `judge` have beyond what the trials' own spread says:
+        that of its two halves of a trial, and of half a trial in a mean."""
+        slopes, end = self.judge(means, trials)[1][..., 1], means[..., 1]
+        halves = 0.5 * ((1 - end) ** 2 + end**2)
+        return (slopes**2 * halves + 0.25) / trials**2
+
+    def known(self, means: Float[np.ndarray, "directions 2"]) -> bool:
+        """Whether a hand's means say what its score is: not where nothing was held to the limit
+        from outside, or nothing escaped, and the score is made of that."""
+        end = means[:, 1]
+        if self.objective == "index2":
+            return len(end) == 1 or end[1] > 0
+        return self.objective == "index1" or bool(np.all(end < 1))
 
     def appraise(
         self, sample: Sample
@@ -309,7 +338,7 @@ class Surrogate:
             ValueError: a hand lets every trial out at once.
         """
         means = sample.means()
-        logs, slopes = self.judge(means)
+        logs, slopes = self.judge(means, int(sample.valid.sum()))
         if not np.isfinite(logs).all():
             raise ValueError(
                 "a hand that was tried lets every object out at once, as its relaxed goal reaches "
@@ -323,9 +352,14 @@ class Surrogate:
 
 
 def _log_quality(
-    means: Float[Array, "2"], objective: str, cloud: bool, periods: int, period: float
+    means: Float[Array, "2"],
+    trials: Scalar,
+    objective: str,
+    cloud: bool,
+    periods: int,
+    period: float,
 ) -> Scalar:
-    """How well a hand holds in one direction, as a logarithm."""
+    """How well a hand holds in one direction, as a logarithm; see `Surrogate.judge`."""
     tiny = 1e-9
     if cloud:
         stay = jnp.clip(jnp.sqrt(means[1] / means[0]), tiny, 1 - tiny)
@@ -334,7 +368,7 @@ def _log_quality(
             "index2": periods * jnp.log(stay),
             "escape_rate": -jnp.log(-jnp.log(stay) / period),
         }[objective]
-    held, end = means[0], means[1]
+    held, end = means[0], (means[1] + 0.5 / trials) / (1 + 1 / trials)
     return {
         "index1": jnp.log(held / PAPER_DT),
         "index2": jnp.log(jnp.maximum(end, tiny)),
@@ -343,12 +377,17 @@ def _log_quality(
     }[objective]
 
 
-@functools.partial(compiled_quickly, static_argnums=(1, 2, 3, 4))
+@functools.partial(compiled_quickly, static_argnums=(2, 3, 4, 5))
 def _judge(
-    means: Array, objective: str, cloud: bool, periods: int, period: float
+    means: Array, trials: Scalar, objective: str, cloud: bool, periods: int, period: float
 ) -> tuple[Array, Array]:
     quality = functools.partial(
-        _log_quality, objective=objective, cloud=cloud, periods=periods, period=period
+        _log_quality,
+        trials=trials,
+        objective=objective,
+        cloud=cloud,
+        periods=periods,
+        period=period,
     )
     return jax.vmap(jax.vmap(jax.value_and_grad(quality)))(means)
 

@@ -14,8 +14,9 @@ from matplotlib.patches import Circle, Patch, Rectangle
 from scipy.interpolate import NearestNDInterpolator
 
 from pcjax.design.compare import compare
-from pcjax.design.map import FINE, score_name, shapes
+from pcjax.design.map import FINE, score_name
 from pcjax.design.optimize import Optimum
+from pcjax.design.shapes import shapes
 from pcjax.design.space import DesignSpace
 from pcjax.importing import xr
 from pcjax.model.bodies.base import placed_outline
@@ -156,7 +157,7 @@ def draw_map(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogat
     xs, ys = (np.linspace(p.low, p.high, _MAP) for p in space.free)
     grid = np.array([space.nearest_allowed(np.array([x, y]), found.best) for y in ys for x in xs])
     # Without those that have no room for the object: a trial that goes wrong counts for no hand.
-    _, possible = shapes(surrogate, space, grid)
+    _, possible = shapes(surrogate.task, space, grid)
     rough = replace(surrogate, contact_layer=0.0)
     trials = min(surrogate.trials, _MAP_TRIALS)
     score = np.full(len(grid), np.nan)
@@ -165,7 +166,7 @@ def draw_map(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogat
     )
     _draw_score(axis, xs, ys, score.reshape(_MAP, _MAP), "exact score")
     fine = [np.linspace(p.low, p.high, FINE) for p in space.free]
-    gaps, possible = shapes(surrogate, space, np.stack(np.meshgrid(*fine), axis=-1))
+    gaps, possible = shapes(surrogate.task, space, np.stack(np.meshgrid(*fine), axis=-1))
     _draw_regions(axis, fine, gaps, possible, space.least_gap(1.0), hatched=False)
     _name_parameters(axis, [p.label for p in space.free], surrogate.task.units)
     for n, steps in enumerate(found.progress.history):

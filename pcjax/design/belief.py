@@ -1,0 +1,136 @@
+"""What a search has seen, and what it believes of all other designs.
+
+Each direction's logarithm is a Gaussian process of its own: how hard it is to escape and how easy
+to enter vary over different lengths, and the score is the difference of the two. Designs that were
+tried together shared their trials, so the noise of each batch is known with its correlations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from pcjax.design.gaussian import GaussianProcess, Kernel, Points, fitted
+from pcjax.quality.surrogate import Surrogate
+
+_GROWTH = 1.2
+"""How many times as many designs have to be known before kernels are fitted anew."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Designs that were tried together.
+
+    Attributes:
+        at: the designs, parameters from 0 to 1.
+        logs: each direction's logarithm of how well they hold.
+        noise: its covariance, for each direction.
+        trials: of each.
+    """
+
+    at: Points
+    logs: Float[np.ndarray, "points directions"]
+    noise: Float[np.ndarray, "directions points points"]
+    trials: int
+
+    def plain(self) -> dict[str, Any]:
+        """As lists, for a file."""
+        return {name: np.asarray(value).tolist() for name, value in vars(self).items()}
+
+    @classmethod
+    def of(cls, kept: dict[str, Any]) -> Batch:
+        """From `plain`."""
+        arrays = (np.array(kept[name], float) for name in ("at", "logs", "noise"))
+        return cls(*arrays, int(kept["trials"]))
+
+
+@dataclass
+class Belief:
+    """What is believed after some batches.
+
+    Attributes:
+        surrogate: says how directions make a score.
+        batches: what was seen.
+        kernels: of each direction; fitted when enough has been seen since.
+        fitted_at: how many designs were known then.
+    """
+
+    surrogate: Surrogate
+    batches: list[Batch] = field(default_factory=list)
+    kernels: list[Kernel] = field(default_factory=list)
+    fitted_at: int = 0
+    _processes: list[GaussianProcess] = field(default_factory=list)
+
+    @property
+    def at(self) -> Points:
+        """All designs that were seen."""
+        return np.concatenate([batch.at for batch in self.batches])
+
+    def learn(self, batch: Batch) -> None:
+        """Takes one more batch."""
+        self.batches.append(batch)
+        at, logs = self.at, np.concatenate([batch.logs for batch in self.batches])
+        trials = np.concatenate([np.full(len(b.at), b.trials) for b in self.batches])
+        noises = []
+        for k, values in enumerate(logs.T):
+            expected = self._processes[k].mean(at) if self._processes else values
+            noises.append(_smoothed([b.noise[k] for b in self.batches], expected, trials))
+        if len(at) >= _GROWTH * self.fitted_at:
+            begin = self.kernels or [None] * len(noises)
+            self.kernels = [
+                fitted(at, values, noise, kernel)
+                for values, noise, kernel in zip(logs.T, noises, begin, strict=True)
+            ]
+            self.fitted_at = len(at)
+        self._processes = [
+            GaussianProcess(at, values, noise, kernel)
+            for values, noise, kernel in zip(logs.T, noises, self.kernels, strict=True)
+        ]
+
+    def mean(self, at: Points) -> Float[np.ndarray, " points"]:
+        """The logarithm of the score to expect."""
+        each = np.stack([process.mean(at) for process in self._processes], axis=-1)
+        return self.surrogate.combined(each)
+
+    def draws(
+        self, at: Points, count: int, rng: np.random.Generator
+    ) -> Float[np.ndarray, "points draws"]:
+        """The score's logarithms at designs, drawn from what is believed."""
+        each = []
+        for process in self._processes:
+            mean, covariance = process.joint(at)
+            scale = np.trace(covariance) / len(at)
+            covariance[np.diag_indices_from(covariance)] += 1e-6 * scale + 1e-12
+            drawn = np.linalg.cholesky(covariance) @ rng.standard_normal((len(at), count))
+            each.append(mean[:, None] + drawn)
+        return self.surrogate.combined(np.stack(each, axis=-1))
+
+    @property
+    def lengths(self) -> Float[np.ndarray, " parameters"]:
+        """How far each parameter goes before the directions' logarithms change."""
+        return np.exp(np.mean([kernel.log_lengths for kernel in self.kernels], axis=0))
+
+
+def _smoothed(
+    blocks: Sequence[Float[np.ndarray, "points points"]],
+    expected: Float[np.ndarray, " all"],
+    trials: Float[np.ndarray, " all"],
+) -> Float[np.ndarray, "all all"]:
+    """The noise of all batches, with variances that go by what is expected of a design.
+
+    A sample whose mean came out low has a low variance, too: weighed by its own one it would count
+    for more, and draw what is believed down.
+    """
+    from scipy.linalg import block_diag
+
+    noise = block_diag(*blocks)
+    errors = np.sqrt(np.diag(noise))
+    each, off = np.log(errors**2 * trials), expected - expected.mean()
+    degree = 2 if len(each) > 30 else 1
+    line = np.polyval(np.polyfit(off, each, degree), off)
+    smooth = np.sqrt(np.exp(np.clip(line, each.min(), each.max())) / trials)
+    return noise * np.outer(smooth / errors, smooth / errors)
