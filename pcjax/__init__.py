@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pcjax.design.gradients import Differences, Mixture, Pathwise, differentiable_score
     from pcjax.design.map import score_map
-    from pcjax.design.optimize import Optimum, Settings, optimize
+    from pcjax.design.optimize import optimize
+    from pcjax.design.outcome import Optimum, Settings
     from pcjax.design.space import DesignSpace, design_space
     from pcjax.model.bodies.base import Body, register_body
     from pcjax.model.bodies.circle import Circle
@@ -51,7 +52,7 @@ _WHERE = {
     "HandDesign": "pcjax.model.hand",
     "Mixture": "pcjax.design.gradients",
     "Inspection": "pcjax.study.inspect",
-    "Optimum": "pcjax.design.optimize",
+    "Optimum": "pcjax.design.outcome",
     "Pathwise": "pcjax.design.gradients",
     "PlanarArm": "pcjax.model.drives.arm",
     "Polygon": "pcjax.model.bodies.convex",
@@ -60,7 +61,7 @@ _WHERE = {
     "RegularPolygon": "pcjax.model.bodies.convex",
     "Run": "pcjax.study.spec",
     "Scenario": "pcjax.model.scenario",
-    "Settings": "pcjax.design.optimize",
+    "Settings": "pcjax.design.outcome",
     "Square": "pcjax.model.bodies.convex",
     "State": "pcjax.physics.state",
     "Stick": "pcjax.model.bodies.stick",

@@ -17,6 +17,8 @@ def main() -> NoReturn:
     """
     signal.signal(signal.SIGINT, _at_once)
     fuse_outputs()
+    # Trials keep all cores busy; threads for small matrices would only wait in their way.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Modules stay: looking through all they are made of, again and again, is a fifth of the time.
     gc.disable()
     from pcjax import cli

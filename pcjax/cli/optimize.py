@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import time
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -35,9 +34,10 @@ from pcjax.cli.parts import (
 from pcjax.design.estimator import Estimator
 from pcjax.design.gradients import Differences, Mixture, Pathwise
 from pcjax.design.map import score_name
-from pcjax.design.optimize import Optimum, Settings, optimize
+from pcjax.design.optimize import optimize
+from pcjax.design.outcome import METHODS, Optimum, Settings
 from pcjax.design.parameters import labelled
-from pcjax.design.search import search_cma, search_grid
+from pcjax.design.search import search_grid
 from pcjax.design.space import DesignSpace, design_space
 from pcjax.model.checking import check_geometry
 from pcjax.quality.indices import Estimate
@@ -95,22 +95,41 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
     )
     add(
         "--method",
-        choices=("gradient", "grid", "cma"),
-        default="gradient",
-        help="follow the gradient, try all designs on a grid, or CMA-ES on the exact score",
+        choices=METHODS,
+        default=Settings.method,
+        help="learn a model of the score from all designs that were tried, follow the gradient of "
+        "the relaxed score, try all designs on a grid, or CMA-ES (default: %(default)s)",
     )
     add("--grid-points", type=whole, default=11, help="of each parameter, for --method grid")
-    add("--form", choices=FORMS, default="horizon", help="what the gradient is taken of")
-    add("--estimator", choices=tuple(_ESTIMATORS), default="axial", help="of the gradient")
-    add("--starts", type=whole, default=1, help="the hand given, and others spread over the bounds")
-    add("--iterations", type=whole, default=Settings.iterations, help="at most")
+    add("--form", choices=FORMS, help="what the gradient is taken of (default: horizon)")
+    add("--estimator", choices=tuple(_ESTIMATORS), help="of the gradient (default: axial)")
+    add(
+        "--starts",
+        type=whole,
+        help="of gradients: the hand given, and others spread over the bounds (default: 1)",
+    )
+    add(
+        "--iterations",
+        type=whole,
+        default=None,
+        help="at most (default: 40 rounds of the model, which ends where it expects no more gain "
+        "than --gain; 44 of the others)",
+    )
+    add(
+        "--gain",
+        type=number,
+        default=Settings.gain,
+        help="the model's search ends where it expects less, as a share of the score "
+        "(default: %(default)g)",
+    )
     add(
         "--trials",
         dest="trials_each",  # not those of the study: they are for evaluations of one hand
         metavar="TRIALS",
         type=whole,
         default=1000,
-        help="trials of a hand and direction, an iteration",
+        help="trials of a hand and direction, an iteration; the model begins with a quarter, and "
+        "goes up to twice as many",
     )
     add(
         "--accept-trials",
@@ -139,6 +158,10 @@ def _run(arguments: argparse.Namespace) -> None:
     check_picture(arguments.plot)
     check_data(arguments.out, (".toml",))
     check_writable(arguments.checkpoint)
+    gradient = arguments.method == "gradient"
+    for name in ("form", "estimator", "starts"):
+        if getattr(arguments, name) is not None and not gradient:
+            raise ValueError(f"--{name} is for --method gradient, and this is {arguments.method}")
     study = condition(arguments)
     free = arguments.free or [(name, None) for name in usual_parameters(study)]
     names = [labelled(name) for name, _ in free]
@@ -157,33 +180,33 @@ def _run(arguments: argparse.Namespace) -> None:
     surrogate = Surrogate(
         task,
         objective=arguments.objective,
-        form=arguments.form,
+        form=arguments.form or Surrogate.form,
         trials=arguments.trials_each,
         dt=study.run.dt,
     )
     if arguments.estimator == "pathwise":
         surrogate = replace(surrogate, **_FOR_PATHWISE)
     settings = Settings(
+        method=arguments.method,
         iterations=arguments.iterations,
-        starts=arguments.starts,
+        gain=arguments.gain,
+        starts=arguments.starts or Settings.starts,
         accept_trials=arguments.accept_trials,
         seed=study.run.seed,
     )
     for scenario in task.scenarios(space.hand(space.nearest_allowed(space.design_of(study.hand)))):
         check_geometry(scenario)
     began = time.perf_counter()
-    if arguments.method == "grid":
+    if arguments.method == "grid" and arguments.checkpoint is None:
         points = [arguments.grid_points] * len(space.free)
         found = search_grid(surrogate, space, settings, points, progress=True)
-    elif arguments.method == "cma":
-        found = search_cma(surrogate, space, settings, seconds=math.inf, progress=True)
     else:
         try:
             found = optimize(
                 surrogate,
                 space,
                 settings,
-                estimator=_ESTIMATORS[arguments.estimator],
+                estimator=_ESTIMATORS[arguments.estimator or "axial"] if gradient else None,
                 checkpoint=arguments.checkpoint,
                 progress=True,
             )
@@ -214,12 +237,29 @@ def as_json(found: Optimum, space: DesignSpace, seconds: float) -> dict[str, Any
         "start": side(found.start, found.start_score) | {"moved": found.moved},
         "best": side(found.best, found.best_score),
         "improvement": asdict(found.improvement),
+        "candidates": [
+            side(one.design, one.score) | {"behind": asdict(one.behind)} for one in found.candidates
+        ],
+        "certainty": found.certainty,
         "iterations": found.progress.iteration,
         "trials": found.trials,
         "invalid": found.invalid,
         "wall_seconds": seconds,
         "notes": list(found.notes),
     }
+
+
+def _others(found: Optimum, space: DesignSpace) -> list[str]:
+    """Where else the search ended, and how sure it is which is the best."""
+    others = [one for one in found.candidates if one.design is not found.best]
+    if not others:
+        return []
+    lines = [
+        f"another end: {space.describe(one.design)}: {one.score.value:,.4f}, lower by "
+        f"{estimate_text(one.behind, ',.4f')} {interval_text(one.behind, ',.4f')}"
+        for one in others
+    ]
+    return [*lines, f"the best is the best of these with a probability of {found.certainty:.0%}"]
 
 
 def as_text(found: Optimum, space: DesignSpace, surrogate: Surrogate, seconds: float) -> str:
@@ -242,8 +282,7 @@ def as_text(found: Optimum, space: DesignSpace, surrogate: Surrogate, seconds: f
         f"improvement: {estimate_text(gain, ',.4f')} {interval_text(gain, ',.4f')}: "
         f"{verdict} (exact, unseen trials, the same for both; 95 % interval)"
     )
-    for design, score in found.candidates if len(found.candidates) > 1 else []:
-        lines.append(f"a start ended at {space.describe(design)}: {score.value:,.4f}")
+    lines += _others(found, space)
     rounds = f"{found.progress.iteration} iterations, " if found.progress.history else ""
     if found.invalid:
         lines.append(

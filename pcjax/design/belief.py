@@ -44,8 +44,8 @@ class Batch:
     @classmethod
     def of(cls, kept: dict[str, Any]) -> Batch:
         """From `plain`."""
-        arrays = (np.array(kept[name], float) for name in ("at", "logs", "noise"))
-        return cls(*arrays, int(kept["trials"]))
+        at, logs, noise = (np.array(kept[name], float) for name in ("at", "logs", "noise"))
+        return cls(at, logs, noise, int(kept["trials"]))
 
 
 @dataclass
@@ -127,7 +127,7 @@ def _smoothed(
     """
     from scipy.linalg import block_diag
 
-    noise = block_diag(*blocks)
+    noise = np.asarray(block_diag(*blocks))
     errors = np.sqrt(np.diag(noise))
     each, off = np.log(errors**2 * trials), expected - expected.mean()
     degree = 2 if len(each) > 30 else 1

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from pcjax.results.files import digest, read_plain
 from pcjax.results.saving import save_text
@@ -34,7 +33,8 @@ class Progress:
     Attributes:
         history: the steps of each start.
         designs: where each start is now.
-        state: optax's numbers for each start.
+        state: what the method has to know beside: optax's numbers for each start, or the batches
+            that a model has seen.
         trials, seconds: spent so far.
         invalid: trials that went wrong, and were left out.
         stopped: which starts have come to rest.
@@ -42,7 +42,7 @@ class Progress:
 
     history: list[list[Step]]
     designs: list[list[float]]
-    state: list[list[Any]]
+    state: list[Any]
     trials: int = 0
     seconds: float = 0.0
     invalid: int = 0
@@ -71,13 +71,18 @@ def _seal(state: Any, fingerprint: str) -> str:
     return digest(json.dumps(state).encode(), fingerprint)
 
 
-def load_progress(path: Path, fingerprint: str, blank: Progress) -> Progress:
+def fingerprint_of(*parts: Any) -> str:
+    """Everything that an optimisation depends on, as text."""
+    return "\n".join(map(repr, parts))
+
+
+def load_progress(path: Path, fingerprint: str, possible: Callable[[Progress], bool]) -> Progress:
     """The state that a file keeps.
 
     Arguments:
         path: of the file.
         fingerprint: of the optimisation that goes on from it.
-        blank: the state that this optimisation begins with.
+        possible: whether this optimisation can come to a state.
 
     Raises:
         ValueError: it cannot be read, is damaged, or is another optimisation's.
@@ -94,7 +99,7 @@ def load_progress(path: Path, fingerprint: str, blank: Progress) -> Progress:
             raise damaged
         history = [[Step(**step) for step in steps] for steps in state.pop("history")]
         found = Progress(history, **state)
-        fits = of != fingerprint or _can_be(found, blank)
+        fits = of != fingerprint or (_counts(found) and possible(found))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise damaged from None
     if of != fingerprint:
@@ -107,21 +112,7 @@ def load_progress(path: Path, fingerprint: str, blank: Progress) -> Progress:
     return found
 
 
-def _can_be(found: Progress, blank: Progress) -> bool:
-    """Whether an optimisation that begins with `blank` can come to this state."""
-
-    def shapes(numbers: Any) -> Any:
-        return [np.shape(number) for number in numbers]
-
-    steps = [step for history in found.history for step in history]
-    designs = [*found.designs, *(step.design for step in steps)]
-    return (
-        shapes(designs) == shapes(blank.designs[:1]) * len(designs)
-        and len(found.history) == len(found.designs) == len(blank.designs)
-        and [shapes(numbers) for numbers in found.state] == [shapes(n) for n in blank.state]
-        and len(found.stopped) == len(blank.stopped)
-        and all(isinstance(stopped, bool) for stopped in found.stopped)
-        and all(np.isfinite(np.array(design, float)).all() for design in designs)
-        and all(type(count) is int and count >= 0 for count in (found.trials, found.invalid))
-        and 0 <= found.seconds < math.inf
-    )
+def _counts(found: Progress) -> bool:
+    """Whether what is counted can have been."""
+    counts = found.trials, found.invalid
+    return all(type(n) is int and n >= 0 for n in counts) and 0 <= found.seconds < math.inf

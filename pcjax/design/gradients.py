@@ -348,6 +348,7 @@ def open_reach(
         ValueError: there is none above 1 %.
     """
     for factor in 0.75 ** np.arange(17):
-        if all(space.open(design + sign * factor * m, 0.5) for m in moves for sign in (1, -1)):
+        around = design + factor * np.concatenate([moves, -moves])
+        if np.all(space.open(around, 0.5)):
             return float(factor)
     raise ValueError("the hand is closed, or as good as closed: there is no way to move from it")

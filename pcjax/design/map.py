@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import functools
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
 from pcjax.checks import check_count, check_kind
-from pcjax.compiling import compiled_quickly
 from pcjax.design.compare import score_all
 from pcjax.design.search import grid_lines
-from pcjax.design.shapes import shapes
 from pcjax.design.space import DesignSpace
-from pcjax.geometry import Scalar
 from pcjax.importing import xr
-from pcjax.model.bodies.base import Body
-from pcjax.model.checking import fits, is_hand
-from pcjax.model.contact import ContactLaw
-from pcjax.model.drives.base import Drive
-from pcjax.model.hand import HandDesign, full_cage
-from pcjax.model.scenario import DIRECTIONS
+from pcjax.model.hand import full_cage
 from pcjax.quality.surrogate import Surrogate
 from pcjax.results.estimates import rows_of
 from pcjax.results.provenance import conditions, provenance
@@ -109,7 +99,7 @@ class MapPlan:
         current = space.design_of(space.base)
         designs = np.stack(np.meshgrid(*lines), axis=-1).reshape(-1, 2)
         designs = np.concatenate([designs, current[None]])
-        gaps, possible = shapes(surrogate.task, space, designs)
+        gaps, possible = space.holding(surrogate.task).look(designs)
         scored = possible & ~full_cage(gaps, space.width)
         if not np.any(scored[:-1]):
             raise ValueError(
@@ -145,7 +135,7 @@ class MapPlan:
         }
         fine = {f"{p.label}_fine": np.linspace(p.low, p.high, FINE) for p in (y, x)}
         places = np.stack(np.meshgrid(fine[f"{x.label}_fine"], fine[f"{y.label}_fine"]), axis=-1)
-        gaps, possible = shapes(surrogate.task, space, places)
+        gaps, possible = space.holding(surrogate.task).look(places)
         task, base = surrogate.task, space.hand(current)
         scenarios = dict(zip(task.directions, task.scenarios(base), strict=True))
         dataset = dataset_of(

@@ -9,20 +9,44 @@ trials go where the decision hangs. It ends when the model expects no more gain 
 from __future__ import annotations
 
 import math
+import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from pcjax.design.belief import Batch, Belief
+from pcjax.design.checkpoint import (
+    Progress,
+    Step,
+    fingerprint_of,
+    keep_progress,
+    load_progress,
+)
 from pcjax.design.gaussian import Points
-from pcjax.design.shapes import allowed_among
+from pcjax.design.outcome import Optimum, Settings, accept, chosen
 from pcjax.design.space import Design, DesignSpace
+from pcjax.design.starts import given_start, starting_designs
+from pcjax.progress import progress_bar
 from pcjax.quality.surrogate import Surrogate
+from pcjax.results.files import locked
+
+_ROUNDS = 40
+"""At most, unless given."""
+
+_CALM = 3
+"""Rounds in a row with hardly any gain to expect, after which a search ends."""
+
+_BASINS = 4
+"""Designs that a search ends with at most."""
+
+_VALLEY = 0.01
+"""How much lower, as a logarithm, the score has to be between two designs for these to be two."""
+
 
 _FIRST = 16
 """Designs of the first round, or three for each parameter."""
@@ -46,9 +70,82 @@ _DOUBLED_EVERY = 8
 """Rounds after which a design gets twice the trials, three times over."""
 
 
+def search_model(
+    surrogate: Surrogate,
+    space: DesignSpace,
+    settings: Settings,
+    *,
+    checkpoint: str | os.PathLike[str] | None = None,
+    progress: bool = False,
+    enough: Callable[[], bool] = lambda: False,
+) -> Optimum:
+    """Learns a model of the exact score, and tries what may be the best by it.
+
+    Arguments:
+        surrogate: whose task, objective and trials count; nothing is relaxed.
+        space: what may change; its base hand is among the first designs.
+        settings: see `Settings`.
+        checkpoint, progress: see `pcjax.optimize`.
+        enough: asked before each round but the first whether to end the search.
+
+    Raises:
+        ValueError: see `pcjax.optimize`.
+    """
+    path = None if checkpoint is None else Path(checkpoint)
+    space = space.holding(surrogate.task)
+    rounds = settings.iterations or _ROUNDS
+    (begun,) = starting_designs(space, 1, settings.seed)
+    start = given_start(surrogate, space, begun)
+    search = Search(surrogate, space, settings.seed)
+    state, belief = Progress([[]], [list(map(float, begun))], []), Belief(surrogate)
+    fingerprint = fingerprint_of(surrogate, space, settings)
+    interrupted = False
+    with nullcontext() if path is None else locked(path):
+        if path is not None and os.path.lexists(path):
+            state = load_progress(path, fingerprint, search.possible)
+            for kept in state.state:
+                belief.learn(Batch.of(kept["batch"]))
+        with progress_bar(
+            total=rounds,
+            initial=state.iteration,
+            desc="optimise",
+            unit="round",
+            shown=progress,
+        ) as bar:
+            try:
+                while (
+                    state.iteration < rounds
+                    and not calm(state, settings.gain)
+                    and not (belief.batches and enough())
+                ):
+                    state = search.round(belief, state)
+                    if path is not None:
+                        keep_progress(path, fingerprint, state)
+                    bar.update()
+                    bar.set_postfix_str(_in_short(state.history[0][-1]))
+            except KeyboardInterrupt:
+                interrupted = True
+    ends = [begun]
+    if belief.batches:
+        believed, *ends = search.basins(belief)
+        ends[0] = chosen(surrogate, space, [believed, ends[0]], settings)
+    return accept(ends, state, start, surrogate, space, settings, interrupted=interrupted)
+
+
+def calm(state: Progress, gain: float) -> bool:
+    """Whether no round of the last ones expected more than that gain."""
+    gains = [kept["gain"] for kept in state.state[1:]]
+    return len(gains) >= _CALM and max(gains[-_CALM:]) < gain
+
+
+def _in_short(step: Step) -> str:
+    low, value, high = (math.exp(step.value + sign * 1.96 * step.value_se) for sign in (-1, 0, 1))
+    return f"score {value:.4g} [{low:.4g}, {high:.4g}]"
+
+
 @dataclass(frozen=True)
 class Search:
-    """The designs of a search, with parameters from 0 to 1.
+    """A search, whose designs have parameters from 0 to 1.
 
     Attributes:
         surrogate: whose task, objective and trials count; nothing is relaxed.
@@ -70,7 +167,7 @@ class Search:
 
     def allowed(self, at: Points) -> Bool[np.ndarray, " points"]:
         """Which designs are."""
-        return allowed_among(self.surrogate.task, self.space, self.design(at))
+        return self.space.which(self.design(at))
 
     def drawn_in(self, at: Points, inside: Points) -> Points:
         """Designs as they are or, where not allowed, the last that is on the way there from another
@@ -122,52 +219,145 @@ class Search:
         noise += doubt.T[:, :, None] * np.eye(len(at))
         return Batch(at, logs, noise, count), sample.invalid
 
-    def think(self, belief: Belief, best: Design, round: int) -> tuple[Points, Design, float]:
-        """What to try in a round: the designs, the first of which is the best that is known; that
-        one; and by how much the best of all may be expected to be better, as a logarithm."""
-        rng = np.random.default_rng([self.seed, round])
-        seen = belief.at
+    def round(self, belief: Belief, state: Progress) -> Progress:
+        """One more: some designs are chosen and tried, and the belief learns of them."""
+        began, k = time.perf_counter(), state.iteration
+        at, gain = self.first(self.place(np.array(state.designs[0]))), math.inf
+        if k > 0:
+            at, gain = self.think(belief, k)
+        batch, invalid = self.try_out(at, k)
+        belief.learn(batch)
+        (best,), value, error = self.best(belief)
+        step = Step(list(map(float, self.design(best))), value, error, [], [])
+        return Progress(
+            [[*state.history[0], step]],
+            [step.design],
+            [*state.state, {"batch": batch.plain(), "gain": gain}],
+            state.trials + batch.logs.size * self.trials(k),
+            state.seconds + time.perf_counter() - began,
+            state.invalid + invalid,
+        )
+
+    def best(self, belief: Belief) -> tuple[Points, float, float]:
+        """Of the designs that were tried the one that is held for the best, and what is believed of
+        its score's logarithm: the mean and its standard error."""
+        at = belief.at
+        best = at[[np.argmax(belief.mean(at))]]
+        drawn = belief.draws(best, 1000, np.random.default_rng(0))
+        return best, float(belief.mean(best)[0]), float(np.std(drawn))
+
+    def think(self, belief: Belief, round: int) -> tuple[Points, float]:
+        """What to try in a round, and by how much the best of all may be expected to be better than
+        the first of these, which is held for the best; as a logarithm."""
+        rng, seen = np.random.default_rng([self.seed, round]), belief.at
         order = np.argsort(-belief.mean(seen))
         top, good = seen[order[:6]], seen[order[: max(6, len(seen) // 3)]]
-        lengths = belief.lengths
-        lengths = np.clip(lengths / np.exp(np.mean(np.log(lengths))), 0.3, 3.0)
+        lengths = self._lengths(belief)
         spread = self._spread(_SPREAD, round)
         near = top[rng.integers(len(top), size=_NEAR)]
-        reach = np.exp(rng.uniform(math.log(_NEAREST), math.log(_FARTHEST), (_NEAR, 1)))
-        moves = reach * lengths * rng.standard_normal(near.shape) * _some(rng, near.shape)
         inside = np.concatenate([good[rng.integers(len(good), size=_SPREAD)], near])
+        moves = _moves(near.shape, _FARTHEST, rng) * lengths
         places = self.drawn_in(np.concatenate([spread, near + moves]), inside)
-        places = np.concatenate([places, best[None], top])
-        best = places[np.argmax(belief.mean(places))]
-        best = self.climbed(belief, best, lengths, rng)
+        places = np.concatenate([places, top])
+        best = self.climbed(belief, places[np.argmax(belief.mean(places))], rng)
         places = np.concatenate([best[None], places])
         places = places[np.sort(np.unique(places.round(3), axis=0, return_index=True)[1])]
         draws = belief.draws(places, _DRAWS, rng)
         gain = float(np.mean(draws.max(axis=0) - draws[0]))
-        chosen = list(dict.fromkeys([0, *np.argmax(draws, axis=0).tolist()]))[: _BATCH - EXPL]
-        chosen += [int(np.argmax(_distance(places, np.concatenate([seen,places[chosen]]))))] if EXPL else []
-        return places[chosen], best, gain
+        chosen = list(dict.fromkeys([0, *np.argmax(draws, axis=0).tolist()]))[: _BATCH - 1]
+        # And one where least is known, whatever is believed: there may be a cliff in between.
+        chosen.append(int(np.argmax(_distance(places, np.concatenate([seen, places[chosen]])))))
+        return places[chosen], gain
 
-    def climbed(
-        self, belief: Belief, best: Design, lengths: Design, rng: np.random.Generator
-    ) -> Design:
+    def _lengths(self, belief: Belief) -> Design:
+        """How far to move each parameter, as shares of one another."""
+        logs = np.log(belief.lengths)
+        return np.clip(np.exp(logs - logs.mean()), 0.3, 3.0)
+
+    def climbed(self, belief: Belief, best: Design, rng: np.random.Generator) -> Design:
         """The best near a design, by what is believed."""
         around = np.repeat(best[None], _SPREAD, axis=0)
-        reach = np.exp(rng.uniform(math.log(_NEAREST), math.log(0.05), (_SPREAD, 1)))
-        moves = reach * lengths * rng.standard_normal(around.shape) * _some(rng, around.shape)
+        moves = _moves(around.shape, _FARTHEST / 6, rng) * self._lengths(belief)
         places = np.concatenate([best[None], self.drawn_in(around + moves, around)])
         return places[np.argmax(belief.mean(places))]
 
+    def basins(self, belief: Belief) -> list[Design]:
+        """The best design of all by what is believed, the best of those that were tried and, if
+        there are any, those of other basins, where on all ways from one to the other the score
+        falls."""
+        seen, rng = belief.at, np.random.default_rng(self.seed)
+        best = self.climbed(belief, seen[np.argmax(belief.mean(seen))], rng)
+        inside = seen[rng.integers(len(seen), size=4 * _SPREAD)]
+        places = np.concatenate([seen, self.drawn_in(self._spread(4 * _SPREAD, 0), inside)])
+        tops = tops_of(places, belief.mean(places), known=len(seen))
+        return [self.design(one) for one in (best, *places[tops[:_BASINS]])]
 
-EXPL = 1
+    def possible(self, state: Progress) -> bool:
+        """Whether this search can have come to a state."""
+        parameters, count = len(self.space.free), len(self.surrogate.task.directions)
+        batches = [Batch.of(kept["batch"]) for kept in state.state]
+        return len(batches) == len(state.history[0]) and all(
+            batch.at.shape == (len(batch.at), parameters)
+            and batch.logs.shape == (len(batch.at), count)
+            and batch.noise.shape == (count, len(batch.at), len(batch.at))
+            for batch in batches
+        )
+
+
+def tops_of(
+    places: Points, values: Float[np.ndarray, " points"], known: int
+) -> Int[np.ndarray, " tops"]:
+    """Which of the first `known` places are tops, the highest first: on the ways from each to any
+    higher one, from neighbour to neighbour, the values fall by `_VALLEY` or more.
+
+    The places are gone through from the highest down, as if water fell: a top is where an island
+    comes up, and counts if that has risen far enough when it meets a higher one.
+    """
+    from scipy.spatial import KDTree
+
+    count = min(len(places), 2 * places.shape[1] + 7)
+    neighbours = KDTree(places).query(places, count)[1]
+    near: list[set[int]] = [set() for _ in places]
+    for k, others in enumerate(np.atleast_2d(neighbours)):
+        for other in others:
+            near[k].add(int(other))
+            near[int(other)].add(k)
+    # Each island by one of its places; of each its highest place that is known.
+    root: dict[int, int] = {}
+    top: dict[int, int | None] = {}
+
+    def find(k: int) -> int:
+        while root[k] != k:
+            k = root[k]
+        return k
+
+    found: list[int] = []
+    for k in map(int, np.argsort(-values)):
+        root[k], top[k] = k, k if k < known else None
+        for island in {find(other) for other in near[k] if other in root} - {k}:
+            mine, theirs = top[find(k)], top[island]
+            higher, lower = mine, theirs
+            if mine is None or (theirs is not None and values[theirs] > values[mine]):
+                higher, lower = theirs, mine
+            if lower is not None and values[lower] - values[k] > _VALLEY:
+                found.append(lower)
+            root[find(k)] = island
+            top[island] = higher
+    last = {top[find(k)] for k in root} - {None}
+    return np.array(sorted({*found, *last}, key=lambda k: -values[k]), int)
+
+
+def _moves(
+    shape: tuple[int, ...], farthest: float, rng: np.random.Generator
+) -> Float[np.ndarray, "points parameters"]:
+    """Moves of some parameters, near and far: about two thirds of them, at least one."""
+    count, parameters = shape
+    reach = np.exp(rng.uniform(math.log(_NEAREST), math.log(farthest), (count, 1)))
+    chosen = rng.random(shape) < 2 / 3
+    chosen[np.arange(count), rng.integers(parameters, size=count)] = True
+    return reach * rng.standard_normal(shape) * chosen
+
+
 def _distance(points: Points, others: Points) -> Float[np.ndarray, " points"]:
     """From each point to the nearest of others."""
     return np.linalg.norm(points[:, None] - others, axis=-1).min(axis=1)
-
-
-def _some(rng: np.random.Generator, shape: tuple[int, ...]) -> Bool[np.ndarray, "points parameters"]:
-    """Which parameters to move: about two thirds, at least one."""
-    count, parameters = shape
-    chosen = rng.random(shape) < 2 / 3
-    chosen[np.arange(count), rng.integers(parameters, size=count)] = True
-    return chosen

@@ -1,7 +1,8 @@
 """Ways to look for a better hand that use no gradient: an exhaustive grid, and CMA-ES.
 
 Evolution strategies are the design loop with gaussian differences of the exact score:
-`optimize(replace(surrogate, form="exact"), space, estimator=Differences("gaussian"))`.
+`optimize(replace(surrogate, form="exact"), space, Settings("gradient"),
+estimator=Differences("gaussian"))`.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -17,7 +18,7 @@ from jaxtyping import Float
 from pcjax.checks import check_between, check_count
 from pcjax.design.checkpoint import Progress, Step
 from pcjax.design.compare import compare, score_all
-from pcjax.design.optimize import Optimum, Settings, accept
+from pcjax.design.outcome import Optimum, Settings, accept
 from pcjax.design.space import Design, DesignSpace
 from pcjax.design.starts import given_start, starting_designs
 from pcjax.progress import progress_bar
@@ -25,6 +26,9 @@ from pcjax.quality.surrogate import Surrogate
 
 _MOST_DESIGNS = 100_000
 """Of a grid."""
+
+_GENERATIONS = 44
+"""Of CMA-ES at most, unless given."""
 
 
 def grid_lines(
@@ -67,9 +71,9 @@ def search_grid(
     Raises:
         ValueError: a grid too large, or without an allowed design.
     """
-    lines = grid_lines(space, points)
-    designs = [np.array(at) for at in itertools.product(*lines)]
-    allowed = [design for design in designs if space.allowed(design)]
+    space = space.holding(surrogate.task)
+    designs = np.array(list(itertools.product(*grid_lines(space, points))))
+    allowed = list(designs[space.which(designs)])
     if not allowed:
         raise ValueError("no design on the grid is allowed: take more points, or other bounds")
     (begun,) = starting_designs(space, 1, settings.seed)
@@ -93,11 +97,11 @@ def search_cma(
     space: DesignSpace,
     settings: Settings,
     *,
-    seconds: float = math.inf,
+    enough: Callable[[], bool] = lambda: False,
     sigma: float = 1.0,
     progress: bool = False,
 ) -> Optimum:
-    """CMA-ES on the exact score, for `settings.iterations` generations or `seconds`.
+    """CMA-ES on the exact score, for `settings.iterations` generations.
 
     Every generation has trials of its own, the same for all its designs; one that is not allowed is
     replaced by the nearest that is.
@@ -106,7 +110,7 @@ def search_cma(
         surrogate: whose task, objective and trials count; nothing is relaxed.
         space: what may change; its base hand is the start.
         settings: for generations, seed and the final comparison.
-        seconds: after which no new generation begins; unless given, there is no such limit.
+        enough: asked after each generation whether to end the search.
         sigma: first step size, in the parameters' scales.
         progress: whether to show a bar on stderr.
 
@@ -118,6 +122,7 @@ def search_cma(
     except ImportError:
         raise ValueError("CMA-ES needs the package cmaes: pip install 'pcjax[baselines]'") from None
     check_between("sigma", sigma, 1e-6, 100.0)
+    space = space.holding(surrogate.task)
     (begun,) = starting_designs(space, 1, settings.seed)
     start = given_start(surrogate, space, begun)
     search = CMA(
@@ -126,10 +131,11 @@ def search_cma(
         bounds=np.stack([space.low, space.high], axis=1) / space.scales[:, None],
         seed=settings.seed,
     )
+    generations = settings.iterations or _GENERATIONS
     began, trials, invalid = time.perf_counter(), 0, 0
     history: list[Step] = []
     bar = progress_bar(
-        total=settings.iterations,
+        total=generations,
         desc="CMA-ES",
         unit="generation",
         shown=progress,
@@ -137,7 +143,7 @@ def search_cma(
     interrupted = False
     with bar:
         try:
-            for generation in range(settings.iterations):
+            for generation in range(generations):
                 middle = list(map(float, search.mean * space.scales))
                 asked = [search.ask() for _ in range(search.population_size)]
                 designs = [space.nearest_allowed(x * space.scales, begun) for x in asked]
@@ -156,7 +162,7 @@ def search_cma(
                 value, error = float(np.mean(found.logs)), math.sqrt(np.mean(found.covariance))
                 history.append(Step(middle, value, error, [], []))
                 bar.update()
-                if time.perf_counter() - began > seconds or search.should_stop():
+                if enough() or search.should_stop():
                     break
         except KeyboardInterrupt:
             interrupted = True

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from pcjax.checks import check_between
-from pcjax.compiling import compiled_quickly
 from pcjax.design.parameters import (
     HELP,
     Draft,
@@ -22,10 +20,11 @@ from pcjax.design.parameters import (
     linear_limit,
     parameter,
 )
-from pcjax.geometry import Flag, Scalar
 from pcjax.model.checking import is_hand
 from pcjax.model.hand import HandDesign
+from pcjax.model.layout import fit_of
 from pcjax.model.scenario import why_no_eoen
+from pcjax.quality.task import Task
 
 Design = Float[np.ndarray, " parameters"]
 """The values of a space's parameters, in order."""
@@ -69,6 +68,8 @@ class DesignSpace:
         width: of the object.
         limits: linear ones, in addition.
         directions: in which the hands have to be hands (see `is_hand`).
+        rooms: radius and start spread of each object that has to have room at its starts; a search
+            puts its task's own there.
 
     Raises:
         ValueError: nothing free, a parameter twice, or a negative clearance.
@@ -80,6 +81,7 @@ class DesignSpace:
     width: float
     limits: tuple[Limit, ...] = ()
     directions: tuple[str, ...] = ("does",)
+    rooms: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         if not self.free:
@@ -97,6 +99,11 @@ class DesignSpace:
                 if other != p.name or names.count(p.name) > 1:
                     raise ValueError(f"{p.name} and {other} are the same number of the hand")
         check_between("clearance", self.clearance, 0.0, math.inf)
+
+    def holding(self, task: Task) -> DesignSpace:
+        """The space whose hands are hands in the task's directions, with room for its object."""
+        rooms = ((float(task.body.radius), float(task.start_spread)),)
+        return replace(self, directions=task.directions, rooms=rooms)
 
     @property
     def scales(self) -> Design:
@@ -137,17 +144,36 @@ class DesignSpace:
             p.write(self.base, draft, value)
         return draft.hand(self.base.palm_length)
 
-    def spare(self, design: Design) -> tuple[float, bool]:
-        """How much wider than object and clearance the gap is, and whether that is no hand."""
-        gap, wrong = self._shape(self.hand(design))
-        return gap - self.width - self.clearance, wrong
+    def look(
+        self, designs: Float[np.ndarray, "*shape parameters"]
+    ) -> tuple[Float[np.ndarray, "*shape"], Bool[np.ndarray, "*shape"]]:
+        """The gaps of many designs, and which of them are hands in all of the directions, with
+        lengths above 0 and room for the objects at their starts."""
+        columns = np.moveaxis(designs, -1, 0).reshape(len(self.free), -1)
+        gaps, there = self._look(self.hand(columns), columns.shape[1])
+        return gaps.reshape(designs.shape[:-1]), there.reshape(designs.shape[:-1])
 
-    def _shape(self, hand: HandDesign) -> tuple[float, bool]:
-        """A hand's gap, and whether it is no hand in these directions."""
-        with jax.enable_x64(True):
-            exact = jax.tree.map(float, hand)
-            gap, good = jax.device_get(_gap_and_verdict(exact, self.directions))
-        return float(gap), not good
+    def _look(
+        self, hand: HandDesign, count: int
+    ) -> tuple[Float[np.ndarray, " count"], Bool[np.ndarray, " count"]]:
+        hands = jax.tree.map(lambda leaf: np.broadcast_to(np.asarray(leaf, float), count), hand)
+        there = np.all([length > 0 for row in hands.lengths for length in row], axis=0)
+        with np.errstate(all="ignore"):
+            there &= is_hand(hands, self.directions)
+            for direction in self.directions if self.rooms else ():
+                seen = hands if direction == "does" else hands.with_fingertips_mirrored()
+                for radius, spread in self.rooms:
+                    contact_radius = radius + 0.5 * hands.thickness
+                    fit = fit_of(seen, contact_radius, np.full(count, spread))
+                    there &= (fit.clearance >= -1e-9 * hands.palm_length) & ~fit.outside
+            return hands.gap(), there
+
+    def spare(
+        self, designs: Float[np.ndarray, "*shape parameters"]
+    ) -> tuple[Float[np.ndarray, "*shape"], Bool[np.ndarray, "*shape"]]:
+        """How much wider than object and clearance the gaps are, and which are no hands."""
+        gaps, there = self.look(designs)
+        return gaps - self.width - self.clearance, ~there
 
     def objections(self) -> list[str]:
         """Why the base hand itself is not an allowed design, each in words; none if it is one.
@@ -173,8 +199,8 @@ class DesignSpace:
             if limit.coefficients @ given
             > limit.most + 1e-6 * np.abs(limit.coefficients) @ self.scales
         ]
-        gap, wrong = self._shape(self.base)
-        if gap < self.least_gap(1.0) - 1e-6 * self.width and not wrong:
+        (gap,), (there,) = self._look(self.base, 1)
+        if gap < self.least_gap(1.0) - 1e-6 * self.width and there:
             found.append(
                 f"its gap is {gap:.4g}, less than the object's {self.width:g} and the clearance of "
                 f"{self.clearance:g}"
@@ -182,22 +208,27 @@ class DesignSpace:
         return found
 
     def allowed(self, design: Design) -> bool:
-        """Whether a design is within bounds and limits, has its clearance, and is a hand."""
-        slack = 1e-9 * np.abs(self.scales)
-        inside = np.all(design >= self.low - slack) and np.all(design <= self.high + slack)
-        for limit in self.limits:
-            inside &= (
-                limit.coefficients @ (design - slack * np.sign(limit.coefficients)) <= limit.most
-            )
-        return bool(inside) and self.open(design, 1.0)
+        """Whether a design is within bounds and limits, has its clearance, and is a hand that the
+        objects have room in."""
+        return bool(self.which(design[None])[0])
 
-    def open(self, design: Design, share: float) -> bool:
-        """Whether the gap leaves that share of the clearance, and it is a hand."""
-        try:
-            spare, wrong = self.spare(design)
-        except ValueError:  # a length of 0 or less
-            return False
-        return spare + (1.0 - share) * self.clearance > -1e-6 * self.width and not wrong
+    def which(
+        self, designs: Float[np.ndarray, "designs parameters"]
+    ) -> Bool[np.ndarray, " designs"]:
+        """Which of many designs are allowed."""
+        slack = 1e-9 * np.abs(self.scales)
+        inside = np.all((designs >= self.low - slack) & (designs <= self.high + slack), axis=1)
+        for limit in self.limits:
+            most = limit.most + np.abs(limit.coefficients) @ slack
+            inside &= designs @ limit.coefficients <= most
+        return inside & self.open(designs, 1.0)
+
+    def open(
+        self, designs: Float[np.ndarray, "*shape parameters"], share: float
+    ) -> Bool[np.ndarray, "*shape"]:
+        """Which designs' gaps leave that share of the clearance, and are hands."""
+        spare, wrong = self.spare(designs)
+        return (spare + (1.0 - share) * self.clearance > -1e-6 * self.width) & ~wrong
 
     def nearest_allowed(
         self,
@@ -278,12 +309,12 @@ class DesignSpace:
         # A thickness of 0 has hands on one side only.
         thin = np.array([p.kind == "thickness" for p in self.free])
         about = np.where(thin, np.maximum(design, 1e-4 * self.scales), design)
-        rises = [self.spare(about + h)[0] - self.spare(about - h)[0] for h in steps]
-        slope = np.array(rises) / 2e-4
+        spare = self.spare(np.concatenate([about + steps, about - steps, design[None]]))[0]
+        slope = (spare[: len(design)] - spare[len(design) : -1]) / 2e-4
         size = np.linalg.norm(slope)
         if size > 0:
             normals.append(-slope / size)
-            room.append((self.spare(design)[0] - 1e-7 * self.width) / size)
+            room.append((spare[-1] - 1e-7 * self.width) / size)
         return np.array(normals), np.array(room)
 
     def describe(self, design: Design) -> str:
@@ -294,11 +325,6 @@ class DesignSpace:
     def named(self, design: Design) -> dict[str, float]:
         """A design by the parameters' labels."""
         return {p.label: float(v) for p, v in zip(self.free, design, strict=True)}
-
-
-@functools.partial(compiled_quickly, static_argnames="directions")
-def _gap_and_verdict(hand: HandDesign, directions: tuple[str, ...]) -> tuple[Scalar, Flag]:
-    return hand.gap(), is_hand(hand, directions)
 
 
 def design_space(

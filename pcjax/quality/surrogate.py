@@ -335,8 +335,12 @@ class Surrogate:
         """`judge` of a sample's means, and what each valid trial adds to those logarithms.
 
         Raises:
-            ValueError: a hand lets every trial out at once.
+            ValueError: a hand lets every trial out at once, or no trial went right with all hands.
         """
+        if not sample.valid.any():
+            raise ValueError(
+                "no trial went right with all of the hands that were tried: try a smaller dt"
+            )
         means = sample.means()
         logs, slopes = self.judge(means, int(sample.valid.sum()))
         if not np.isfinite(logs).all():

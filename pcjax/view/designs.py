@@ -15,8 +15,7 @@ from scipy.interpolate import NearestNDInterpolator
 
 from pcjax.design.compare import compare
 from pcjax.design.map import FINE, score_name
-from pcjax.design.optimize import Optimum
-from pcjax.design.shapes import shapes
+from pcjax.design.outcome import Optimum
 from pcjax.design.space import DesignSpace
 from pcjax.importing import xr
 from pcjax.model.bodies.base import placed_outline
@@ -157,7 +156,7 @@ def draw_map(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogat
     xs, ys = (np.linspace(p.low, p.high, _MAP) for p in space.free)
     grid = np.array([space.nearest_allowed(np.array([x, y]), found.best) for y in ys for x in xs])
     # Without those that have no room for the object: a trial that goes wrong counts for no hand.
-    _, possible = shapes(surrogate.task, space, grid)
+    _, possible = space.holding(surrogate.task).look(grid)
     rough = replace(surrogate, contact_layer=0.0)
     trials = min(surrogate.trials, _MAP_TRIALS)
     score = np.full(len(grid), np.nan)
@@ -166,11 +165,11 @@ def draw_map(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogat
     )
     _draw_score(axis, xs, ys, score.reshape(_MAP, _MAP), "exact score")
     fine = [np.linspace(p.low, p.high, FINE) for p in space.free]
-    gaps, possible = shapes(surrogate.task, space, np.stack(np.meshgrid(*fine), axis=-1))
+    gaps, possible = space.holding(surrogate.task).look(np.stack(np.meshgrid(*fine), axis=-1))
     _draw_regions(axis, fine, gaps, possible, space.least_gap(1.0), hatched=False)
     _name_parameters(axis, [p.label for p in space.free], surrogate.task.units)
     for n, steps in enumerate(found.progress.history):
-        way = np.array([step.design for step in steps] + [found.candidates[n][0]])
+        way = np.array([step.design for step in steps] + [found.candidates[n].design])
         axis.plot(*way.T, ".-", color="white", lw=1, ms=5, mec="black", mew=0.4, zorder=3)
     axis.plot(*found.best, "*", color=COLOURS[1], ms=14, mec="white", zorder=4)
     axis.set(title="path; grey: not allowed")

@@ -1,0 +1,200 @@
+"""How to search, what a search found, and how that is accepted: on exact scores, on trials that the
+search has not seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pcjax.checks import check_between, check_count
+from pcjax.design.checkpoint import Progress
+from pcjax.design.compare import Comparison, compare, compare_hands
+from pcjax.design.space import Design, DesignSpace
+from pcjax.design.starts import Start
+from pcjax.model.hand import HandDesign
+from pcjax.quality.indices import Estimate
+from pcjax.quality.surrogate import Surrogate
+
+METHODS = ("model", "gradient", "grid", "cma")
+"""Ways to look for a better hand; see `pcjax.design.optimize.optimize`."""
+
+CHECKPOINT, _CHOICE, _ACCEPTANCE = 0x10000000, 0x20000000, 0x30000000
+"""Added to the seed for exact checkpoints, the choice among designs, and the acceptance."""
+
+_DRAWS = 10_000
+"""Of the scores' errors, for how sure it is which design is the best."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to optimise.
+
+    Arguments:
+        method: one of `METHODS`.
+        iterations: at most; a method's own unless given.
+        gain: the model's search ends where it expects less, as a share of the score.
+        starts: of gradients; the first from the given hand, the others spread over the space.
+        rate: of gradients, in the parameters' scales (10 degrees, 0.1 L_p) an iteration; in the
+            second half of the iterations it falls to 0 along a cosine.
+        wide: factor on the reach of differences at the beginning; it falls to 1 in the first half.
+            Far from the top a wide look is surer of the direction, and its bias does no harm.
+        check_every: iterations of gradients between exact checkpoints.
+        check_trials: trials of each.
+        accept_trials: trials of the final comparison.
+        seed: of everything.
+
+    Raises:
+        ValueError: an unknown method, or a number out of range.
+    """
+
+    method: str = "model"
+    iterations: int | None = None
+    gain: float = 1e-3
+    starts: int = 1
+    rate: float = 0.4
+    wide: float = 4.0
+    check_every: int = 6
+    check_trials: int = 1000
+    accept_trials: int = 10_000
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise ValueError(f"method is {self.method!r}: it has to be one of {', '.join(METHODS)}")
+        if self.iterations is not None:
+            check_count("iterations", self.iterations, 1, 100_000)
+        check_between("gain", self.gain, 0.0, 1.0)
+        check_count("starts", self.starts, 1, 1000)
+        check_between("rate", self.rate, 1e-6, 10.0)
+        check_between("wide", self.wide, 1.0, 10.0)
+        check_count("check_every", self.check_every, 1, 100_000)
+        check_count("check_trials", self.check_trials, 2, 2**24)
+        check_count("accept_trials", self.accept_trials, 2, 2**24)
+        check_count("seed", self.seed, 0, 2**28 - 1)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A design that a search ended with.
+
+    Attributes:
+        design: it.
+        score: exact, on the trials of the acceptance.
+        behind: by how much the best one's is higher, on the same trials.
+    """
+
+    design: Design
+    score: Estimate
+    behind: Estimate
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """What an optimisation found.
+
+    Attributes:
+        start: the given hand's design, even if it is not an allowed one; where that hand cannot be
+            evaluated, the design that the search began at.
+        best: the best design.
+        start_score, best_score: exact, on trials that nothing else has used.
+        improvement: of the exact score, from the same trials for both.
+        candidates: where the search ended: for gradients each start's end, for the model the best
+            of each basin.
+        certainty: how sure it is, from 0 to 1, that the best is the best of these.
+        progress: the whole history.
+        trials: simulated in all.
+        invalid: how many of them went wrong, and were left out.
+        interrupted: whether it was stopped before its end.
+        start_hand: the hand of `start`.
+        moved: whether `start` is not the given hand's.
+        notes: what is wrong with the given hand, a line each.
+    """
+
+    start: Design
+    best: Design
+    start_score: Estimate
+    best_score: Estimate
+    improvement: Estimate
+    candidates: list[Candidate]
+    certainty: float
+    progress: Progress
+    trials: int
+    invalid: int
+    interrupted: bool
+    start_hand: HandDesign
+    moved: bool
+    notes: tuple[str, ...]
+
+    @property
+    def better(self) -> bool:
+        """Whether the result is better than the start for certain (95 %)."""
+        return self.improvement.low > 0
+
+
+def chosen(
+    surrogate: Surrogate, space: DesignSpace, designs: Sequence[Design], settings: Settings
+) -> Design:
+    """The best of some designs, on trials for that."""
+    trials = max(settings.accept_trials // 4, 2)
+    seed = settings.seed + _CHOICE
+    return designs[compare(surrogate, space, designs, trials=trials, seed=seed).best]
+
+
+def accept(
+    ends: Sequence[Design],
+    state: Progress,
+    start: Start,
+    surrogate: Surrogate,
+    space: DesignSpace,
+    settings: Settings,
+    *,
+    interrupted: bool = False,
+) -> Optimum:
+    """Chooses among the ends and compares all of them and the start, on trials of their own."""
+    choice = compare(
+        surrogate,
+        space,
+        ends,
+        trials=max(settings.accept_trials // 4, 2),
+        seed=settings.seed + _CHOICE,
+    )
+    best = choice.best
+    final = compare_hands(
+        surrogate,
+        [start.hand, *map(space.hand, ends)],
+        trials=settings.accept_trials,
+        seed=settings.seed + _ACCEPTANCE,
+    )
+    candidates = [
+        Candidate(end, final.scores[k], final.improvement(k, 1 + best))
+        for k, end in enumerate(ends, start=1)
+    ]
+    directions = len(surrogate.task.directions)
+    spent = len(ends) * choice.trials + (1 + len(ends)) * final.trials
+    return Optimum(
+        start.design,
+        ends[best],
+        final.scores[0],
+        final.scores[1 + best],
+        final.improvement(0, 1 + best),
+        candidates,
+        _certainty(final, 1 + best),
+        state,
+        state.trials + spent * directions,
+        state.invalid + choice.invalid + final.invalid,
+        interrupted,
+        start.hand,
+        start.moved,
+        start.notes,
+    )
+
+
+def _certainty(final: Comparison, best: int) -> float:
+    """How often a design is the best of all but the first, within the errors of their scores."""
+    logs, covariance = final.logs[1:], final.covariance[1:, 1:]
+    rng = np.random.default_rng(0)
+    drawn = rng.multivariate_normal(logs, covariance, _DRAWS, method="eigh")
+    return float(np.mean(drawn[:, best - 1] >= drawn.max(axis=1)))
