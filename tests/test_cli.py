@@ -494,11 +494,11 @@ QUICK_OPTIMUM = "optimize --iterations 2 --trials 40 --accept-trials 60 --max-st
 def test_optimize_prints_one_object_and_keeps_a_hand_that_evaluate_reads(
     command: Command, tmp_path: Path
 ):
-    line = f"{QUICK_OPTIMUM} --json --checkpoint state.json"
+    line = f"{QUICK_OPTIMUM} --method gradient --json --checkpoint state.json"
     told = one_object(command(f"{line} --out best.toml --plot best.png"))
     assert list(told) == [
-        *("start", "best", "improvement", "iterations", "trials", "invalid", "wall_seconds"),
-        "notes",
+        *("start", "best", "improvement", "candidates", "certainty"),
+        *("iterations", "trials", "invalid", "wall_seconds", "notes"),
     ]
     assert told["notes"] == []
     assert told["start"].pop("moved") is False
@@ -513,8 +513,10 @@ def test_optimize_prints_one_object_and_keeps_a_hand_that_evaluate_reads(
     assert told["iterations"] == 2
     gain = told["best"]["score"]["value"] - told["start"]["score"]["value"]
     assert told["improvement"]["value"] == pytest.approx(gain)
-    # 2 iterations of 5 hands, 1 checkpoint, 1 choice and the comparison of 2 hands.
-    assert told["trials"] == 2 * (2 * 5 * 40 + 1000 + 60 + 2 * 60)
+    # 2 iterations of 5 hands, 1 checkpoint, and the comparison of 2 hands.
+    assert told["trials"] == 2 * (2 * 5 * 40 + 1000 + 2 * 60)
+    assert (told["certainty"], len(told["candidates"])) == (1.0, 1)
+    assert told["candidates"][0]["score"] == told["best"]["score"]
     assert np.ptp(imread(tmp_path / "best.png")) > 0.5
     # The trials of an iteration are none of the study's.
     assert pcjax.load_study(tmp_path / "best.toml").trials == 5000
@@ -534,8 +536,10 @@ def test_optimize_prints_one_object_and_keeps_a_hand_that_evaluate_reads(
     [
         "--method grid --grid-points 2 --free fingertip-angle=-10:10",
         "--method cma --free fingertip-angle-1 --free fingertip-length-2=50:120",
-        "--estimator axial --objective escape_rate --starts 2 --free gap-width",
-        "--estimator evolution --form exact --objective index2 --free link-length-1",
+        "--method gradient --estimator axial --objective escape_rate --starts 2 --free gap-width",
+        "--method gradient --estimator evolution --form exact --objective index2 "
+        "--free link-length-1",
+        "--objective index2 --free fingertip-length --free gap-width --limit 'gap-width <= 250'",
         "--scenario arm --max-steps 20_000",
     ],
 )
@@ -904,9 +908,12 @@ BAD_OPTIMIZE = [
     refused("optimize --method grid --grid-points 0", "grid points", "0"),
     refused("optimize --method grid --grid-points 1000", "grid", "100000"),
     refused("optimize --estimator adjoint", "adjoint", "factorial"),
-    refused("optimize --form cloud --body stick", "cloud", "horizon"),
+    refused("optimize --method gradient --form cloud --body stick", "cloud", "horizon"),
+    refused("optimize --form cloud", "--form", "--method gradient", "model"),
     refused("optimize --iterations 0", "iterations", "0"),
-    refused("optimize --starts 0", "starts", "0"),
+    refused("optimize --gain -1", "gain", "-1"),
+    refused("optimize --method gradient --starts 0", "starts", "0"),
+    refused("optimize --method cma --checkpoint state.json", "checkpoint", "'gradient'"),
     refused("optimize --trials 1", "trials", "1"),
     refused("optimize --accept-trials 1", "accept_trials", "1"),
     refused("optimize --max-steps 12345", "12345", "10000"),

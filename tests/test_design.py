@@ -16,10 +16,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pcjax.design.ascent import at_rest
 from pcjax.design.checkpoint import Step
 from pcjax.design.compare import compare
 from pcjax.design.estimator import Estimator, Gradient
-from pcjax.design.optimize import Settings, at_rest, optimize
+from pcjax.design.optimize import optimize
+from pcjax.design.outcome import Settings
 from pcjax.design.search import search_grid
 from pcjax.design.space import DesignSpace, design_space, nearest_within
 from pcjax.design.starts import starting_designs
@@ -38,7 +40,7 @@ pytestmark = pytest.mark.usefixtures("quick_programs")
 BOX = box_hand(math.radians(10))
 TASK = Task(Circle(25.0), WristTilt(), ("does", "eoen"), 20_000)
 SURROGATE = Surrogate(TASK, trials=40)
-QUICK = Settings(iterations=4, check_every=2, check_trials=40, accept_trials=60)
+QUICK = Settings("gradient", iterations=4, check_every=2, check_trials=40, accept_trials=60)
 
 
 def tips(clearance: float = 20.0) -> DesignSpace:
@@ -275,8 +277,8 @@ def test_every_start_is_followed() -> None:
     some = replace(QUICK, starts=3, iterations=30)
     found = optimize(SURROGATE, tips(), some, estimator=Bowl([5.0, 80.0]))
     assert len(found.candidates) == len(found.progress.history) == 3
-    for design, _ in found.candidates:
-        np.testing.assert_allclose(design, [5.0, 80.0], atol=3.0)
+    for end in found.candidates:
+        np.testing.assert_allclose(end.design, [5.0, 80.0], atol=3.0)
 
 
 def test_an_interrupted_loop_keeps_what_it_has_and_goes_on_from_its_file(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import time
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -190,7 +191,7 @@ def _run(arguments: argparse.Namespace) -> None:
         method=arguments.method,
         iterations=arguments.iterations,
         gain=arguments.gain,
-        starts=arguments.starts or Settings.starts,
+        starts=Settings.starts if arguments.starts is None else arguments.starts,
         accept_trials=arguments.accept_trials,
         seed=study.run.seed,
     )
@@ -278,6 +279,12 @@ def as_text(found: Optimum, space: DesignSpace, surrogate: Surrogate, seconds: f
     gain = found.improvement
     verdict = "better" if found.better else "not better for certain"
     verdict = "worse" if gain.high < 0 else verdict
+    if math.isnan(gain.value):
+        verdict = "it cannot be known"
+        lines.append(
+            "a score is undefined where no trial at all escapes, or none is held to the limit from "
+            "outside: take more trials, another limit, or --objective index1"
+        )
     lines.append(
         f"improvement: {estimate_text(gain, ',.4f')} {interval_text(gain, ',.4f')}: "
         f"{verdict} (exact, unseen trials, the same for both; 95 % interval)"

@@ -106,7 +106,7 @@ def search_gradient(
             except KeyboardInterrupt:
                 interrupted = True
     ends = [
-        settled_design(space, steps, design)
+        [settled_design(space, steps, design)]
         for steps, design in zip(state.history, state.designs, strict=True)
     ]
     return accept(ends, state, start, surrogate, space, settings, interrupted=interrupted)

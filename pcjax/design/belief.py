@@ -130,7 +130,7 @@ def _smoothed(
     noise = np.asarray(block_diag(*blocks))
     errors = np.sqrt(np.diag(noise))
     each, off = np.log(errors**2 * trials), expected - expected.mean()
-    degree = 2 if len(each) > 30 else 1
+    degree = 0 if np.ptp(off) == 0 else 1 if len(each) < 30 else 2
     line = np.polyval(np.polyfit(off, each, degree), off)
     smooth = np.sqrt(np.exp(np.clip(line, each.min(), each.max())) / trials)
     return noise * np.outer(smooth / errors, smooth / errors)

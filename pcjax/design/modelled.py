@@ -28,7 +28,7 @@ from pcjax.design.checkpoint import (
     load_progress,
 )
 from pcjax.design.gaussian import Points
-from pcjax.design.outcome import Optimum, Settings, accept, chosen
+from pcjax.design.outcome import Optimum, Settings, accept
 from pcjax.design.space import Design, DesignSpace
 from pcjax.design.starts import given_start, starting_designs
 from pcjax.progress import progress_bar
@@ -125,10 +125,7 @@ def search_model(
                     bar.set_postfix_str(_in_short(state.history[0][-1]))
             except KeyboardInterrupt:
                 interrupted = True
-    ends = [begun]
-    if belief.batches:
-        believed, *ends = search.basins(belief)
-        ends[0] = chosen(surrogate, space, [believed, ends[0]], settings)
+    ends = search.basins(belief) if belief.batches else [[begun]]
     return accept(ends, state, start, surrogate, space, settings, interrupted=interrupted)
 
 
@@ -281,16 +278,17 @@ class Search:
         places = np.concatenate([best[None], self.drawn_in(around + moves, around)])
         return places[np.argmax(belief.mean(places))]
 
-    def basins(self, belief: Belief) -> list[Design]:
-        """The best design of all by what is believed, the best of those that were tried and, if
-        there are any, those of other basins, where on all ways from one to the other the score
-        falls."""
+    def basins(self, belief: Belief) -> list[list[Design]]:
+        """The best design that was tried, and if there are any those of other basins, where on all
+        ways from one to the other the score falls; beside the first the best of all by what is
+        believed."""
         seen, rng = belief.at, np.random.default_rng(self.seed)
         best = self.climbed(belief, seen[np.argmax(belief.mean(seen))], rng)
         inside = seen[rng.integers(len(seen), size=4 * _SPREAD)]
         places = np.concatenate([seen, self.drawn_in(self._spread(4 * _SPREAD, 0), inside)])
         tops = tops_of(places, belief.mean(places), known=len(seen))
-        return [self.design(one) for one in (best, *places[tops[:_BASINS]])]
+        first, *others = ([self.design(top)] for top in places[tops[:_BASINS]])
+        return [[*first, self.design(best)], *others]
 
     def possible(self, state: Progress) -> bool:
         """Whether this search can have come to a state."""

@@ -134,17 +134,8 @@ class Optimum:
         return self.improvement.low > 0
 
 
-def chosen(
-    surrogate: Surrogate, space: DesignSpace, designs: Sequence[Design], settings: Settings
-) -> Design:
-    """The best of some designs, on trials for that."""
-    trials = max(settings.accept_trials // 4, 2)
-    seed = settings.seed + _CHOICE
-    return designs[compare(surrogate, space, designs, trials=trials, seed=seed).best]
-
-
 def accept(
-    ends: Sequence[Design],
+    ends: Sequence[Sequence[Design]],
     state: Progress,
     start: Start,
     surrogate: Surrogate,
@@ -153,38 +144,48 @@ def accept(
     *,
     interrupted: bool = False,
 ) -> Optimum:
-    """Chooses among the ends and compares all of them and the start, on trials of their own."""
-    choice = compare(
-        surrogate,
-        space,
-        ends,
-        trials=max(settings.accept_trials // 4, 2),
-        seed=settings.seed + _CHOICE,
-    )
-    best = choice.best
+    """Chooses among the ends and compares all of them and the start, on trials of their own.
+
+    Arguments:
+        ends: where the search ended; of each the designs to choose from.
+        state, start, surrogate, space, settings, interrupted: of the search.
+    """
+    designs, best, spent, invalid = [end[0] for end in ends], 0, 0, 0
+    every = [design for end in ends for design in end]
+    if len(every) > 1:
+        choice = compare(
+            surrogate,
+            space,
+            every,
+            trials=max(settings.accept_trials // 4, 2),
+            seed=settings.seed + _CHOICE,
+        )
+        logs, tops = choice.logs.tolist(), []
+        for k, end in enumerate(ends):
+            mine, logs = logs[: len(end)], logs[len(end) :]
+            designs[k] = end[int(np.argmax(mine))]
+            tops.append(max(mine))
+        best, spent, invalid = int(np.argmax(tops)), len(every) * choice.trials, choice.invalid
     final = compare_hands(
         surrogate,
-        [start.hand, *map(space.hand, ends)],
+        [start.hand, *map(space.hand, designs)],
         trials=settings.accept_trials,
         seed=settings.seed + _ACCEPTANCE,
     )
-    candidates = [
-        Candidate(end, final.scores[k], final.improvement(k, 1 + best))
-        for k, end in enumerate(ends, start=1)
-    ]
-    directions = len(surrogate.task.directions)
-    spent = len(ends) * choice.trials + (1 + len(ends)) * final.trials
+    spent += (1 + len(designs)) * final.trials
+    behind = [final.improvement(k, 1 + best) for k in range(1, 1 + len(designs))]
+    behind[best] = Estimate(0.0, 0.0, 0.0, 0.0)
     return Optimum(
         start.design,
-        ends[best],
+        designs[best],
         final.scores[0],
         final.scores[1 + best],
         final.improvement(0, 1 + best),
-        candidates,
+        list(map(Candidate, designs, final.scores[1:], behind)),
         _certainty(final, 1 + best),
         state,
-        state.trials + spent * directions,
-        state.invalid + choice.invalid + final.invalid,
+        state.trials + spent * len(surrogate.task.directions),
+        state.invalid + invalid + final.invalid,
         interrupted,
         start.hand,
         start.moved,

@@ -89,7 +89,7 @@ def search_grid(
         time.perf_counter() - began,
         invalid,
     )
-    return accept([best], spent, start, surrogate, space, settings)
+    return accept([[best]], spent, start, surrogate, space, settings)
 
 
 def search_cma(
@@ -168,4 +168,4 @@ def search_cma(
             interrupted = True
     end: Design = space.nearest_allowed(search.mean * space.scales, begun)
     spent = Progress([history], [], [], trials, time.perf_counter() - began, invalid)
-    return accept([end], spent, start, surrogate, space, settings, interrupted=interrupted)
+    return accept([[end]], spent, start, surrogate, space, settings, interrupted=interrupted)

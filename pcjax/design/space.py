@@ -173,7 +173,7 @@ class DesignSpace:
     ) -> tuple[Float[np.ndarray, "*shape"], Bool[np.ndarray, "*shape"]]:
         """How much wider than object and clearance the gaps are, and which are no hands."""
         gaps, there = self.look(designs)
-        return gaps - self.width - self.clearance, ~there
+        return np.asarray(gaps - self.width - self.clearance), np.asarray(~there)
 
     def objections(self) -> list[str]:
         """Why the base hand itself is not an allowed design, each in words; none if it is one.
@@ -228,7 +228,7 @@ class DesignSpace:
     ) -> Bool[np.ndarray, "*shape"]:
         """Which designs' gaps leave that share of the clearance, and are hands."""
         spare, wrong = self.spare(designs)
-        return (spare + (1.0 - share) * self.clearance > -1e-6 * self.width) & ~wrong
+        return np.asarray((spare + (1.0 - share) * self.clearance > -1e-6 * self.width) & ~wrong)
 
     def nearest_allowed(
         self,

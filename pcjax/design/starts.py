@@ -49,7 +49,7 @@ def starting_designs(space: DesignSpace, count: int, seed: int) -> list[Design]:
 def given_start(surrogate: Surrogate, space: DesignSpace, begun: Design) -> Start:
     """What a search that begins at `begun` is compared with: the base hand, if it can be evaluated.
 
-    Warns the caller of the function that calls this if that hand is not allowed.
+    Warns the caller of `pcjax.optimize`, two calls further up, if that hand is not allowed.
     """
     where = f"the search begins at {space.describe(begun)}"
     try:
@@ -69,5 +69,5 @@ def given_start(surrogate: Surrogate, space: DesignSpace, begun: Design) -> Star
         )
         start = Start(space.base, space.design_of(space.base), False, (note,) if wrong else ())
     for note in start.notes:
-        warnings.warn(note, InputWarning, stacklevel=3)
+        warnings.warn(note, InputWarning, stacklevel=4)
     return start

@@ -326,7 +326,7 @@ class Surrogate:
         from outside, or nothing escaped, and the score is made of that."""
         end = means[:, 1]
         if self.objective == "index2":
-            return len(end) == 1 or end[1] > 0
+            return len(end) == 1 or bool(end[1] > 0)
         return self.objective == "index1" or bool(np.all(end < 1))
 
     def appraise(

@@ -153,19 +153,16 @@ def draw_history(axis: Axes, found: Optimum, surrogate: Surrogate) -> None:
 
 def draw_map(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogate) -> None:
     """The exact score over two parameters, and the way of each start."""
+    # With room for the object: a trial that goes wrong counts for no hand.
+    space = space.holding(surrogate.task)
     xs, ys = (np.linspace(p.low, p.high, _MAP) for p in space.free)
-    grid = np.array([space.nearest_allowed(np.array([x, y]), found.best) for y in ys for x in xs])
-    # Without those that have no room for the object: a trial that goes wrong counts for no hand.
-    _, possible = space.holding(surrogate.task).look(grid)
+    grid = [space.nearest_allowed(np.array([x, y]), found.best) for y in ys for x in xs]
     rough = replace(surrogate, contact_layer=0.0)
     trials = min(surrogate.trials, _MAP_TRIALS)
-    score = np.full(len(grid), np.nan)
-    score[possible] = np.exp(
-        compare(rough, space, list(grid[possible]), trials=trials, seed=0).logs
-    )
+    score = np.exp(compare(rough, space, grid, trials=trials, seed=0).logs)
     _draw_score(axis, xs, ys, score.reshape(_MAP, _MAP), "exact score")
     fine = [np.linspace(p.low, p.high, FINE) for p in space.free]
-    gaps, possible = space.holding(surrogate.task).look(np.stack(np.meshgrid(*fine), axis=-1))
+    gaps, possible = space.look(np.stack(np.meshgrid(*fine), axis=-1))
     _draw_regions(axis, fine, gaps, possible, space.least_gap(1.0), hatched=False)
     _name_parameters(axis, [p.label for p in space.free], surrogate.task.units)
     for n, steps in enumerate(found.progress.history):
