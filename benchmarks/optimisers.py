@@ -63,7 +63,8 @@ class Problem:
     def start(self, k: int) -> Problem:
         """With its base hand at a start."""
         at = self.space.nearest_allowed(np.array(self.starts[k], float))
-        return replace(self, space=replace(self.space, base=self.space.hand(at)))
+        space = replace(self.space, base=self.space.hand(at))
+        return replace(self, space=space.holding(self.surrogate.task))
 
 
 def _wrist(body: Body, directions: tuple[str, ...] = BOTH, friction: float | None = None) -> Task:
@@ -176,6 +177,19 @@ def problems() -> list[Problem]:
                 (30, 60, 0, 150, 150, 100),
             ],
             8.0,
+        ),
+        Problem(
+            "three radii, the worst, 3",
+            Surrogate(
+                replace(
+                    _wrist(Circle(25.0)),
+                    also=(_wrist(Circle(10.0)), _wrist(Circle(40.0))),
+                    worst=True,
+                )
+            ),
+            design_space(box, tip | gap, 80.0, 12.0),
+            [(-10, 60, 330), (30, 100, 150), (-25, 150, 390)],
+            12.0,
         ),
         Problem(
             "asymmetric, all, 10",

@@ -497,7 +497,7 @@ def test_optimize_prints_one_object_and_keeps_a_hand_that_evaluate_reads(
     line = f"{QUICK_OPTIMUM} --method gradient --json --checkpoint state.json"
     told = one_object(command(f"{line} --out best.toml --plot best.png"))
     assert list(told) == [
-        *("start", "best", "improvement", "candidates", "certainty"),
+        *("start", "best", "improvement", "candidates", "certainty", "conditions"),
         *("iterations", "trials", "invalid", "wall_seconds", "notes"),
     ]
     assert told["notes"] == []
@@ -517,6 +517,7 @@ def test_optimize_prints_one_object_and_keeps_a_hand_that_evaluate_reads(
     assert told["trials"] == 2 * (2 * 5 * 40 + 1000 + 2 * 60)
     assert (told["certainty"], len(told["candidates"])) == (1.0, 1)
     assert told["candidates"][0]["score"] == told["best"]["score"]
+    assert told["conditions"] == []
     assert np.ptp(imread(tmp_path / "best.png")) > 0.5
     # The trials of an iteration are none of the study's.
     assert pcjax.load_study(tmp_path / "best.toml").trials == 5000

@@ -6,7 +6,7 @@ import argparse
 import re
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import MISSING
+from dataclasses import MISSING, replace
 from pathlib import Path
 from typing import Any
 
@@ -196,12 +196,17 @@ def task_of(study: Study) -> Task:
     """
     if study.directions == ("eoen",):
         raise ValueError("the score or DoEs can be looked at, EoEn alone makes no better hand")
-    return Task(
-        study.body,
-        study.drive,
-        study.directions,
-        study.max_steps,
-        study.law,
-        study.run.start_spread,
-        study.units,
+    first, *others = (
+        Task(
+            one.body,
+            one.drive,
+            study.directions,
+            study.max_steps,
+            one.law,
+            one.run.start_spread,
+            study.units,
+        )
+        for one in study.objective_studies()
     )
+    objective = study.objective
+    return replace(first, also=tuple(others), weights=objective.weights, worst=objective.worst)

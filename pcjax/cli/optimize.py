@@ -45,6 +45,7 @@ from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import FORMS, OBJECTIVES, Surrogate
 from pcjax.results.saving import save_text
 from pcjax.results.tables import estimate_text, in_columns, interval_text, wrapped
+from pcjax.study.spec import Objective, Study
 from pcjax.units import in_brackets
 
 _FOR_PATHWISE = {"goal_layer": 0.8, "contact_layer": 0.2}
@@ -94,6 +95,17 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
         default="index1",
         help="what the score is made of; escape_rate has no step limit in it",
     )
+    add(
+        "--over",
+        action="append",
+        type=_values_flag,
+        default=[],
+        metavar="NAME=V,V,...",
+        help="optimise for several conditions at once, such as radius=10,25,40: a number of the "
+        "object, the drive or the contact; again for more, all with all",
+    )
+    add("--weights", type=_numbers, default=None, metavar="W,W,...", help="of these conditions")
+    add("--worst", action="store_true", help="the worst of their scores counts, not the mean")
     add(
         "--method",
         choices=METHODS,
@@ -154,6 +166,34 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=_run)
 
 
+def _numbers(text: str) -> tuple[float, ...]:
+    return tuple(number(part) for part in text.split(","))
+
+
+def _values_flag(text: str) -> tuple[str, tuple[float, ...]]:
+    """A number's name and its values: NAME=V,V,..."""
+    name, equals, values = text.partition("=")
+    if not equals or not values:
+        raise argparse.ArgumentTypeError(f"{text!r} has to be like radius=10,25,40")
+    return name.replace("-", "_"), _numbers(values)
+
+
+def _for_all(study: Study, arguments: argparse.Namespace) -> Study:
+    """The study with the objective that the flags ask for; they win over the file's."""
+    objective = study.objective
+    if arguments.over:
+        names = [name for name, _ in arguments.over]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"--over {name} is there twice")
+        objective = Objective(dict(arguments.over))
+    if arguments.weights is not None:
+        objective = replace(objective, weights=arguments.weights, worst=False)
+    if arguments.worst:
+        objective = replace(objective, weights=(), worst=True)
+    return replace(study, objective=objective)
+
+
 def _run(arguments: argparse.Namespace) -> None:
     settle_outputs(arguments)
     check_picture(arguments.plot)
@@ -163,21 +203,21 @@ def _run(arguments: argparse.Namespace) -> None:
     for name in ("form", "estimator", "starts"):
         if getattr(arguments, name) is not None and not gradient:
             raise ValueError(f"--{name} is for --method gradient, and this is {arguments.method}")
-    study = condition(arguments)
+    study = _for_all(condition(arguments), arguments)
     free = arguments.free or [(name, None) for name in usual_parameters(study)]
     names = [labelled(name) for name, _ in free]
     for (name, _), label in zip(free, names, strict=True):
         if names.count(label) > 1:
             raise ValueError(f"--free {name} is there twice")
+    task = task_of(study)
     space = design_space(
         study.hand,
         dict(zip(names, (bounds for _, bounds in free), strict=True)),
-        float(study.body.width),
+        max(float(one.body.width) for one in task.each),
         arguments.clearance,
         arguments.limit,
         study.directions,
     )
-    task = task_of(study)
     surrogate = Surrogate(
         task,
         objective=arguments.objective,
@@ -216,19 +256,21 @@ def _run(arguments: argparse.Namespace) -> None:
                 stop.add_note(f"the state is kept in {arguments.checkpoint}")
                 stop.add_note("the same command goes on from there")
             raise
-    seconds = time.perf_counter() - began
+    seconds, conditions = time.perf_counter() - began, study.objective.points()
     if arguments.out:
         best = replace(study, hand=space.hand(found.best), sweep=None)
         save_text(best.to_toml(), arguments.out)
     if arguments.plot:
         save_picture("view.designs.plot_optimum", (found, space, surrogate), arguments.plot)
     if arguments.json:
-        print(json.dumps(as_json(found, space, seconds)))
+        print(json.dumps(as_json(found, space, conditions, seconds)))
     else:
-        print(as_text(found, space, surrogate, seconds))
+        print(as_text(found, space, surrogate, conditions, seconds))
 
 
-def as_json(found: Optimum, space: DesignSpace, seconds: float) -> dict[str, Any]:
+def as_json(
+    found: Optimum, space: DesignSpace, conditions: list[dict[str, float]], seconds: float
+) -> dict[str, Any]:
     """The result as one JSON object."""
 
     def side(design: Any, score: Estimate) -> dict[str, Any]:
@@ -242,6 +284,10 @@ def as_json(found: Optimum, space: DesignSpace, seconds: float) -> dict[str, Any
             side(one.design, one.score) | {"behind": asdict(one.behind)} for one in found.candidates
         ],
         "certainty": found.certainty,
+        "conditions": [
+            {"numbers": condition} | {k: asdict(v) for k, v in vars(part).items()}
+            for condition, part in zip(conditions, found.parts, strict=False)
+        ],
         "iterations": found.progress.iteration,
         "trials": found.trials,
         "invalid": found.invalid,
@@ -263,7 +309,23 @@ def _others(found: Optimum, space: DesignSpace) -> list[str]:
     return [*lines, f"the best is the best of these with a probability of {found.certainty:.0%}"]
 
 
-def as_text(found: Optimum, space: DesignSpace, surrogate: Surrogate, seconds: float) -> str:
+def _parts(found: Optimum, conditions: list[dict[str, float]]) -> list[str]:
+    """The scores in each of several conditions."""
+    return [
+        f"{', '.join(f'{name} {value:g}' for name, value in condition.items())}: "
+        f"{part.start.value:,.4f} at the start, {part.best.value:,.4f} "
+        f"{interval_text(part.best, ',.4f')} at the best"
+        for condition, part in zip(conditions, found.parts, strict=False)
+    ]
+
+
+def as_text(
+    found: Optimum,
+    space: DesignSpace,
+    surrogate: Surrogate,
+    conditions: list[dict[str, float]],
+    seconds: float,
+) -> str:
     """The result as a table and a verdict."""
     what = ("score " if len(surrogate.task.directions) == 2 else "") + score_name(surrogate)
     start = "moved start" if found.moved else "start"
@@ -289,6 +351,7 @@ def as_text(found: Optimum, space: DesignSpace, surrogate: Surrogate, seconds: f
         f"improvement: {estimate_text(gain, ',.4f')} {interval_text(gain, ',.4f')}: "
         f"{verdict} (exact, unseen trials, the same for both; 95 % interval)"
     )
+    lines += _parts(found, conditions)
     lines += _others(found, space)
     rounds = f"{found.progress.iteration} iterations, " if found.progress.history else ""
     if found.invalid:

@@ -155,7 +155,7 @@ class _Climb:
                 trials=settings.check_trials,
                 seed=settings.seed + CHECKPOINT,
             )
-            trials += exact.trials * len(at) * len(surrogate.task.directions)
+            trials += exact.trials * len(at) * surrogate.task.runs
             invalid += exact.invalid
         invalid += max(gradient.invalid for gradient in found)  # of a batch that shares its trials
         reach = max(float(np.asarray(self.rate(k))), 0.01)

@@ -1,6 +1,6 @@
 """What a search has seen, and what it believes of all other designs.
 
-Each direction's logarithm is a Gaussian process of its own: how hard it is to escape and how easy
+Each run's logarithm is a Gaussian process of its own: how hard it is to escape and how easy
 to enter vary over different lengths, and the score is the difference of the two. Designs that were
 tried together shared their trials, so the noise of each batch is known with its correlations.
 """
@@ -27,14 +27,14 @@ class Batch:
 
     Attributes:
         at: the designs, parameters from 0 to 1.
-        logs: each direction's logarithm of how well they hold.
-        noise: its covariance, for each direction.
+        logs: of each run (a task in one direction) the logarithm of how well they hold.
+        noise: its covariance, for each run.
         trials: of each.
     """
 
     at: Points
-    logs: Float[np.ndarray, "points directions"]
-    noise: Float[np.ndarray, "directions points points"]
+    logs: Float[np.ndarray, "points runs"]
+    noise: Float[np.ndarray, "runs points points"]
     trials: int
 
     def plain(self) -> dict[str, Any]:
@@ -53,9 +53,9 @@ class Belief:
     """What is believed after some batches.
 
     Attributes:
-        surrogate: says how directions make a score.
+        surrogate: says how runs make a score.
         batches: what was seen.
-        kernels: of each direction; fitted when enough has been seen since.
+        kernels: of each run; fitted when enough has been seen since.
         fitted_at: how many designs were known then.
     """
 
@@ -94,7 +94,7 @@ class Belief:
     def mean(self, at: Points) -> Float[np.ndarray, " points"]:
         """The logarithm of the score to expect."""
         each = np.stack([process.mean(at) for process in self._processes], axis=-1)
-        return self.surrogate.combined(each)
+        return np.asarray(self.surrogate.combined(each))
 
     def draws(
         self, at: Points, count: int, rng: np.random.Generator
@@ -107,11 +107,11 @@ class Belief:
             covariance[np.diag_indices_from(covariance)] += 1e-6 * scale + 1e-12
             drawn = np.linalg.cholesky(covariance) @ rng.standard_normal((len(at), count))
             each.append(mean[:, None] + drawn)
-        return self.surrogate.combined(np.stack(each, axis=-1))
+        return np.asarray(self.surrogate.combined(np.stack(each, axis=-1)))
 
     @property
     def lengths(self) -> Float[np.ndarray, " parameters"]:
-        """How far each parameter goes before the directions' logarithms change."""
+        """How far each parameter goes before the runs' logarithms change."""
         return np.exp(np.mean([kernel.log_lengths for kernel in self.kernels], axis=0))
 
 

@@ -46,6 +46,13 @@ class Comparison:
         """The most trials of one design that went wrong; they are left out everywhere."""
         return self.sample.invalid
 
+    def of(self, task: int) -> Comparison:
+        """The same of one of the surrogate's tasks alone."""
+        count, every = len(self.surrogate.task.directions), self.surrogate.task.each
+        mine = self.sample.values[:, task * count : (task + 1) * count]
+        alone = replace(self.surrogate, task=every[task])
+        return comparison_of(alone, replace(self.sample, values=mine))
+
     @property
     def best(self) -> int:
         """Which design has the highest score."""
@@ -82,8 +89,8 @@ def _bounds(
 
     def judge(means: Float[np.ndarray, " k"]) -> tuple[float, Float[np.ndarray, " k"]]:
         each, slopes = surrogate.judge(means.reshape(shape))
-        value, weights = of(each @ surrogate.signs)
-        weighted = weights[:, None, None] * surrogate.signs[:, None] * slopes
+        value, weights = of(np.asarray(surrogate.combined(each)))
+        weighted = weights[:, None, None] * surrogate.weigh(each)[..., None] * slopes
         return value, weighted.ravel()
 
     most = np.broadcast_to([surrogate.task.max_steps * PAPER_DT, 1.0], shape).ravel()
@@ -123,9 +130,14 @@ def compare_hands(
 ) -> Comparison:
     """`compare`, of hands that need not be designs of one space."""
     exact = replace(surrogate, form="exact", trials=trials)
-    sample = exact.sample(hands, seed)
+    return comparison_of(exact, exact.sample(hands, seed))
+
+
+def comparison_of(exact: Surrogate, sample: Sample) -> Comparison:
+    """What a sample says of its hands."""
     each, influences = exact.appraise(sample)
-    logs, influence = each @ exact.signs, np.einsum("d,dvn->vn", exact.signs, influences)
+    logs = np.asarray(exact.combined(each))
+    influence = np.einsum("vd,dvn->vn", exact.weigh(each), influences)
     count = influence.shape[1]
     covariance = influence @ influence.T / (count * (count - 1))
     errors = np.sqrt(np.diag(covariance))
@@ -134,10 +146,10 @@ def compare_hands(
         if not exact.known(means[k]):
             scores.append(UNDEFINED)
             continue
-        value = math.exp(exact.judge(means[k : k + 1])[0][0] @ exact.signs)
+        value = math.exp(float(exact.combined(exact.judge(means[k : k + 1])[0])[0]))
         low, high = _bounds(exact, sample, [k], lambda one: (math.exp(one[0]), np.ones(1)))
         scores.append(Estimate(value, value * error, min(low, value), max(high, value)))
-    return Comparison(scores, logs, covariance, trials, sample, exact)
+    return Comparison(scores, logs, covariance, exact.trials, sample, exact)
 
 
 def score_all(

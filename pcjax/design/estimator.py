@@ -22,8 +22,8 @@ class Gradient:
         value, value_se: the logarithm of the score at the design.
         gradient: per unit of each parameter.
         covariance: of the gradient.
-        parts, parts_se: the derivatives of each direction's own logarithm; the gradient is that of
-            DoEs less that of EoEn.
+        parts, parts_se: the derivatives of the logarithm of each run, a task in one direction; the
+            gradient is made of these.
         largest_share: of the squared deviations of the noisiest component, the largest trial's
             share; above 0.05 the standard errors are not to be trusted.
         trials: simulated, all hands and directions together.
@@ -35,8 +35,8 @@ class Gradient:
     value_se: float
     gradient: Design
     covariance: Float[np.ndarray, "parameters parameters"]
-    parts: Float[np.ndarray, "directions parameters"]
-    parts_se: Float[np.ndarray, "directions parameters"]
+    parts: Float[np.ndarray, "runs parameters"]
+    parts_se: Float[np.ndarray, "runs parameters"]
     largest_share: float
     trials: int
     seconds: float
@@ -68,21 +68,21 @@ class Estimator(ABC):
 
 def gradient_from(
     surrogate: Surrogate,
-    parts: Float[np.ndarray, "directions numbers"],
-    influences: Float[np.ndarray, "directions numbers trials"],
+    parts: Float[np.ndarray, "runs numbers"],
+    influences: Float[np.ndarray, "runs numbers trials"],
     *,
     trials: int,
     seconds: float,
     invalid: int,
 ) -> Gradient:
     """From each direction's logarithm and its derivatives, and what each trial adds to them."""
-    signs = surrogate.signs
-    estimate, influence = signs @ parts, np.einsum("d,dpn->pn", signs, influences)
+    weights = surrogate.weigh(parts[:, 0])
+    estimate, influence = weights @ parts, np.einsum("d,dpn->pn", weights, influences)
     count = influence.shape[1]
     covariance = influence @ influence.T / (count * (count - 1))
     parts_se = np.sqrt((influences**2).sum(axis=-1) / (count * (count - 1)))
     return Gradient(
-        float(estimate[0]),
+        float(surrogate.combined(parts[:, 0])),
         math.sqrt(covariance[0, 0]),
         estimate[1:],
         covariance[1:, 1:],

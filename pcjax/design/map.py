@@ -183,5 +183,8 @@ def _on_map(space: DesignSpace, current: Float[np.ndarray, "2"]) -> bool:
 
 def score_name(surrogate: Surrogate) -> str:
     """What a surrogate's exact score is called."""
-    what = "DoEs / EoEn" if len(surrogate.task.directions) == 2 else "DoEs"
-    return f"{what} by {surrogate.objective}"
+    task = surrogate.task
+    what = "DoEs / EoEn" if len(task.directions) == 2 else "DoEs"
+    how = "worst" if task.worst else "mean"
+    over = f", {how} of {len(task.each)} conditions" if task.also else ""
+    return f"{what} by {surrogate.objective}{over}"

@@ -44,8 +44,11 @@ _CALM = 3
 _BASINS = 4
 """Designs that a search ends with at most."""
 
-_VALLEY = 0.01
+_VALLEY = 0.02
 """How much lower, as a logarithm, the score has to be between two designs for these to be two."""
+
+_APART = 0.1
+"""How far apart they have to be, in shares of the bounds."""
 
 
 _FIRST = 16
@@ -287,12 +290,16 @@ class Search:
         inside = seen[rng.integers(len(seen), size=4 * _SPREAD)]
         places = np.concatenate([seen, self.drawn_in(self._spread(4 * _SPREAD, 0), inside)])
         tops = tops_of(places, belief.mean(places), known=len(seen))
-        first, *others = ([self.design(top)] for top in places[tops[:_BASINS]])
+        apart: list[Design] = []
+        for top in places[tops]:
+            if all(np.max(np.abs(top - other)) > _APART for other in apart):
+                apart.append(top)
+        first, *others = ([self.design(top)] for top in apart[:_BASINS])
         return [[*first, self.design(best)], *others]
 
     def possible(self, state: Progress) -> bool:
         """Whether this search can have come to a state."""
-        parameters, count = len(self.space.free), len(self.surrogate.task.directions)
+        parameters, count = len(self.space.free), self.surrogate.task.runs
         batches = [Batch.of(kept["batch"]) for kept in state.state]
         return len(batches) == len(state.history[0]) and all(
             batch.at.shape == (len(batch.at), parameters)

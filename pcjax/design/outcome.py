@@ -92,6 +92,20 @@ class Candidate:
 
 
 @dataclass(frozen=True)
+class Part:
+    """One of several tasks.
+
+    Attributes:
+        start, best: the exact scores in it alone, on the trials of the acceptance.
+        improvement: of the score.
+    """
+
+    start: Estimate
+    best: Estimate
+    improvement: Estimate
+
+
+@dataclass(frozen=True)
 class Optimum:
     """What an optimisation found.
 
@@ -103,6 +117,7 @@ class Optimum:
         improvement: of the exact score, from the same trials for both.
         candidates: where the search ended: for gradients each start's end, for the model the best
             of each basin.
+        parts: where there are several tasks, the scores in each.
         certainty: how sure it is, from 0 to 1, that the best is the best of these.
         progress: the whole history.
         trials: simulated in all.
@@ -119,6 +134,7 @@ class Optimum:
     best_score: Estimate
     improvement: Estimate
     candidates: list[Candidate]
+    parts: list[Part]
     certainty: float
     progress: Progress
     trials: int
@@ -182,15 +198,23 @@ def accept(
         final.scores[1 + best],
         final.improvement(0, 1 + best),
         list(map(Candidate, designs, final.scores[1:], behind)),
+        _parts(final, 1 + best),
         _certainty(final, 1 + best),
         state,
-        state.trials + spent * len(surrogate.task.directions),
+        state.trials + spent * surrogate.task.runs,
         state.invalid + invalid + final.invalid,
         interrupted,
         start.hand,
         start.moved,
         start.notes,
     )
+
+
+def _parts(final: Comparison, best: int) -> list[Part]:
+    """Of each task, where there are several."""
+    count = len(final.surrogate.task.each)
+    alone = [final.of(k) for k in range(count if count > 1 else 0)]
+    return [Part(one.scores[0], one.scores[best], one.improvement(0, best)) for one in alone]
 
 
 def _certainty(final: Comparison, best: int) -> float:

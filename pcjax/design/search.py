@@ -85,7 +85,7 @@ def search_grid(
         [],
         [],
         [],
-        len(allowed) * surrogate.trials * len(surrogate.task.directions),
+        len(allowed) * surrogate.trials * surrogate.task.runs,
         time.perf_counter() - began,
         invalid,
     )
@@ -154,7 +154,7 @@ def search_cma(
                     trials=surrogate.trials,
                     seed=settings.seed + generation,
                 )
-                trials += len(designs) * surrogate.trials * len(surrogate.task.directions)
+                trials += len(designs) * surrogate.trials * surrogate.task.runs
                 invalid += found.invalid
                 search.tell(
                     [(d / space.scales, -v) for d, v in zip(designs, found.logs, strict=True)]

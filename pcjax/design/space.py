@@ -101,8 +101,8 @@ class DesignSpace:
         check_between("clearance", self.clearance, 0.0, math.inf)
 
     def holding(self, task: Task) -> DesignSpace:
-        """The space whose hands are hands in the task's directions, with room for its object."""
-        rooms = ((float(task.body.radius), float(task.start_spread)),)
+        """The space whose hands are hands in the task's directions, with room for its objects."""
+        rooms = tuple((float(one.body.radius), float(one.start_spread)) for one in task.each)
         return replace(self, directions=task.directions, rooms=rooms)
 
     @property

@@ -34,7 +34,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from pcjax.checks import check_between, check_count
 from pcjax.compiling import compiled_quickly
-from pcjax.geometry import Scalar
+from pcjax.geometry import Scalar, library_of
 from pcjax.model.contact import ContactLaw
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import Scenario
@@ -57,6 +57,9 @@ ROLLED = 3
 """Periods that a cloud is followed. The first is left out of the rate: whoever starts far from the
 goal needs a while to get there."""
 
+_SIGNS = (1.0, -1.0)
+"""How the logarithms of DoEs and EoEn count in a score's."""
+
 _FRESH = 0x9E3779B9
 """Tells the seed of a cloud's further life from that of its burn-in."""
 
@@ -66,18 +69,18 @@ class Sample:
     """What the trials of some hands gave.
 
     Attributes:
-        values: two numbers of each trial. For a horizon the seconds it was held and whether it was
-            to the end (or the relaxed survival then); for a cloud the survival after one period and
-            after all.
+        values: two numbers of each trial, for each hand and run (a task in one direction). For a
+            horizon the seconds it was held and whether it was to the end (or the relaxed survival
+            then); for a cloud the survival after one period and after all.
         valid: trials that went right in every hand.
         invalid: how many trials of a hand went wrong.
     """
 
-    values: Float[np.ndarray, "hands directions 2 trials"]
+    values: Float[np.ndarray, "hands runs 2 trials"]
     valid: Bool[np.ndarray, " trials"]
     invalid: int
 
-    def means(self) -> Float[np.ndarray, "hands directions 2"]:
+    def means(self) -> Float[np.ndarray, "hands runs 2"]:
         """Means over the valid trials."""
         return self.values[..., self.valid].mean(axis=-1)
 
@@ -135,7 +138,9 @@ class Surrogate:
                 f"max_steps is {self.task.max_steps}: a surrogate's limit has to be a whole number "
                 f"of periods of {round(self.task.drive.period / PAPER_DT)} steps"
             )
-        if self.form == "cloud" and (self.task.body.oriented or self.task.law.friction is not None):
+        if self.form == "cloud" and any(
+            one.body.oriented or one.law.friction is not None for one in self.task.each
+        ):
             raise ValueError(
                 "form 'cloud' knows circles without friction only: take 'horizon' for others"
             )
@@ -176,25 +181,18 @@ class Surrogate:
                 little from it; unless given, each hand has its own.
         """
         each = [[self.softened(s) for s in some] for some in self.task.scenarios_of(hands)]
-        flat = [scenario for scenarios in each for scenario in scenarios]
-        engine = self.engine(flat)
         if self.form == "cloud":
             bases = hands if bases is None else bases
             share = len(hands) // len(bases)
             parts = [
-                self._sample_cloud(each[k * share : (k + 1) * share], engine, seed, base)
+                self._sample_cloud(each[k * share : (k + 1) * share], seed, base)
                 for k, base in enumerate(bases)
             ]
             values = np.concatenate([part[0] for part in parts])
             wrong = np.concatenate([part[1] for part in parts])
         else:
-            values, wrong = self._sample_horizon(flat, engine, seed)
-        shape = len(hands), len(self.task.directions)
-        return Sample(
-            values.reshape(*shape, 2, -1),
-            np.logical_not(wrong.any(axis=0)),
-            int(wrong.sum(axis=1).max()),
-        )
+            values, wrong = self._sample_horizon(each, seed)
+        return Sample(values, np.logical_not(wrong.any(axis=0)), int(wrong.sum(axis=1).max()))
 
     def engine(self, scenarios: Sequence[Scenario]) -> LaneEngine:
         """The engine of choice for all of these, with this goal layer."""
@@ -202,26 +200,42 @@ class Surrogate:
         return engine_for(scenarios, self.dt, LaneEngine).having(goal_layer=layer)
 
     def _sample_horizon(
-        self, scenarios: list[Scenario], engine: LaneEngine, seed: int
+        self, each: list[list[Scenario]], seed: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        out = run(
-            scenarios, trials=self.trials, max_steps=self.task.max_steps, seed=seed, engine=engine
-        )
-        if out.excursion is None:
-            held, end = out.steps * PAPER_DT, (out.status == LIMIT).astype(float)
-        else:
-            held = out.excursion[..., 2]
-            end = self._survival(out.excursion[..., 0], scenarios)
-        return np.stack([held, end], axis=1), out.status == INVALID
+        values = np.zeros((len(each), len(each[0]), 2, self.trials))
+        wrong = np.zeros((len(each), len(each[0]), self.trials), bool)
+        # What an engine runs together: objects with and without an orientation are not.
+        kinds: dict[Any, list[int]] = {}
+        for k, scenario in enumerate(each[0]):
+            engine = self.engine([scenarios[k] for scenarios in each])
+            kinds.setdefault((type(engine), scenario.body.oriented), []).append(k)
+        for chosen in kinds.values():
+            flat = [scenarios[k] for scenarios in each for k in chosen]
+            shape = len(each), len(chosen), self.trials
+            out = run(
+                flat,
+                trials=self.trials,
+                max_steps=self.task.max_steps,
+                seed=seed,
+                engine=self.engine(flat),
+            )
+            if out.excursion is None:
+                held, end = out.steps * PAPER_DT, (out.status == LIMIT).astype(float)
+            else:
+                held = out.excursion[..., 2]
+                end = self._survival(out.excursion[..., 0], flat)
+            values[:, chosen] = np.stack([held.reshape(shape), end.reshape(shape)], axis=2)
+            wrong[:, chosen] = (out.status == INVALID).reshape(shape)
+        return values, wrong.reshape(-1, self.trials)
 
     def _sample_cloud(
         self,
         each: list[list[Scenario]],
-        engine: LaneEngine,
         seed: int,
         base: HandDesign,
     ) -> tuple[np.ndarray, np.ndarray]:
         values, wrong = [], []
+        engine = self.engine([scenario for scenarios in each for scenario in scenarios])
         steps = ROLLED * round(self.task.drive.period / PAPER_DT)
         for k, scenario in enumerate(self.task.scenarios(base)):
             cloud = settled_cloud(
@@ -248,7 +262,7 @@ class Surrogate:
         engine: LaneEngine,
         trials: Int[Array, " trials"],
         seed: Any,
-    ) -> Float[Array, "directions 2 trials"]:
+    ) -> Float[Array, "runs 2 trials"]:
         """`Sample.values` of one hand within a compiled program, differentiable forwards.
 
         A horizon's trials from the paper's starts; one that goes wrong counts as far as it came.
@@ -282,23 +296,36 @@ class Surrogate:
         widths = _layer_widths(stacked, self.goal_layer)
         return np.asarray(_relaxed_survival(marks, widths[:, None]))
 
-    @property
-    def signs(self) -> Float[np.ndarray, " directions"]:
-        """How each direction's logarithm counts in the score's: DoEs over EoEn."""
-        return np.array([1.0, -1.0])[: len(self.task.directions)]
+    def combined(
+        self, each: Float[Array | np.ndarray, "*some runs"]
+    ) -> Float[Array | np.ndarray, "*some"]:
+        """The logarithm of the score, from that of each task and direction: DoEs less EoEn; of
+        several tasks the weighed mean, or the worst."""
+        signs, xp = _SIGNS[: len(self.task.directions)], library_of(each)
+        scores = xp.reshape(each, (*each.shape[:-1], -1, len(signs))) @ xp.asarray(
+            signs, each.dtype
+        )
+        if self.task.worst:
+            return xp.min(scores, axis=-1)
+        return scores @ xp.asarray(self.task.shares, each.dtype)
 
-    def combined(self, each: Float[np.ndarray, "*some directions"]) -> Float[np.ndarray, "*some"]:
-        """The logarithm of the score, from each direction's."""
-        return each @ self.signs
+    def weigh(self, each: Float[np.ndarray, "*some runs"]) -> Float[np.ndarray, "*some runs"]:
+        """The derivative of `combined`."""
+        signs = np.array(_SIGNS[: len(self.task.directions)])
+        scores = each.reshape(*each.shape[:-1], -1, len(signs)) @ signs
+        shares = np.broadcast_to(self.task.shares, scores.shape)
+        if self.task.worst:
+            shares = np.eye(scores.shape[-1])[np.argmin(scores, axis=-1)]
+        return (shares[..., None] * signs).reshape(each.shape)
 
-    def log_score(self, means: Float[Array, "directions 2"]) -> Scalar:
+    def log_score(self, means: Float[Array, "runs 2"]) -> Scalar:
         """The logarithm of the score, from a hand's means."""
         logs = [_log_quality(one, math.inf, *self._static()) for one in means]
-        return logs[0] - logs[1] if len(logs) == 2 else logs[0]
+        return self.combined(jnp.stack(logs))
 
     def judge(
-        self, means: Float[np.ndarray, "hands directions 2"], trials: float = math.inf
-    ) -> tuple[Float[np.ndarray, "hands directions"], Float[np.ndarray, "hands directions 2"]]:
+        self, means: Float[np.ndarray, "hands runs 2"], trials: float = math.inf
+    ) -> tuple[Float[np.ndarray, "hands runs"], Float[np.ndarray, "hands runs 2"]]:
         """How well each hand holds in each direction, as a logarithm, and that one's derivatives
         with respect to the means.
 
@@ -313,25 +340,25 @@ class Surrogate:
             return np.asarray(value), np.asarray(slope)
 
     def doubt(
-        self, means: Float[np.ndarray, "hands directions 2"], trials: int
-    ) -> Float[np.ndarray, "hands directions"]:
+        self, means: Float[np.ndarray, "hands runs 2"], trials: int
+    ) -> Float[np.ndarray, "hands runs"]:
         """The variance that the logarithms of `judge` have beyond what the trials' own spread says:
         that of its two halves of a trial, and of half a trial in a mean."""
         slopes, end = self.judge(means, trials)[1][..., 1], means[..., 1]
         halves = 0.5 * ((1 - end) ** 2 + end**2)
         return (slopes**2 * halves + 0.25) / trials**2
 
-    def known(self, means: Float[np.ndarray, "directions 2"]) -> bool:
+    def known(self, means: Float[np.ndarray, "runs 2"]) -> bool:
         """Whether a hand's means say what its score is: not where nothing was held to the limit
         from outside, or nothing escaped, and the score is made of that."""
         end = means[:, 1]
         if self.objective == "index2":
-            return len(end) == 1 or bool(end[1] > 0)
+            return len(self.task.directions) == 1 or bool(np.all(end[1::2] > 0))
         return self.objective == "index1" or bool(np.all(end < 1))
 
     def appraise(
         self, sample: Sample
-    ) -> tuple[Float[np.ndarray, "hands directions"], Float[np.ndarray, "directions hands n"]]:
+    ) -> tuple[Float[np.ndarray, "hands runs"], Float[np.ndarray, "runs hands n"]]:
         """`judge` of a sample's means, and what each valid trial adds to those logarithms.
 
         Raises:

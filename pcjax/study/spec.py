@@ -41,6 +41,9 @@ MOST_TRIALS = 1_000_000
 MOST_CONDITIONS = 100_000
 """Of a sweep."""
 
+MOST_AT_ONCE = 64
+"""Conditions that a hand can be optimised for."""
+
 
 @dataclass(frozen=True)
 class Run:
@@ -169,6 +172,55 @@ class Sweep:
         return [dict(zip(self.values, row, strict=True)) for row in rows]
 
 
+@dataclass(frozen=True)
+class Objective:
+    """What the best hand is the best at.
+
+    Arguments:
+        over: the conditions: every value of one number with every value of the others; those of the
+            study alone unless given.
+        weights: of the conditions, the last number's values changing fastest, in the mean of the
+            scores' logarithms; alike unless given.
+        worst: whether the least of the scores counts, in place of that mean.
+
+    Raises:
+        ValueError: a number without values or with one twice, or as many weights as there are no
+            conditions.
+    """
+
+    over: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    weights: tuple[float, ...] = ()
+    worst: bool = False
+
+    def __post_init__(self) -> None:
+        for name, values in self.over.items():
+            if not values:
+                raise ValueError(f"[objective] {name} has no values")
+            if len(set(values)) < len(values):
+                raise ValueError(f"[objective] {name} has a value twice")
+        count = math.prod(len(values) for values in self.over.values())
+        if count > MOST_AT_ONCE:
+            raise ValueError(
+                f"[objective] has {count:,} conditions for each hand: the most is {MOST_AT_ONCE}"
+            )
+        if self.weights and len(self.weights) != count:
+            raise ValueError(
+                f"[objective] has {len(self.weights)} weights for {count} "
+                f"{'condition' if count == 1 else 'conditions'}: as many of either"
+            )
+        for weight in self.weights:
+            if not 0 < weight < math.inf:
+                raise ValueError(f"[objective] a weight is {weight:g}: it has to be above 0")
+        if self.weights and self.worst:
+            raise ValueError("[objective] weights are for the mean of scores, and the worst counts")
+
+    def points(self) -> list[dict[str, float]]:
+        """The numbers of each condition."""
+        return [
+            dict(zip(self.over, row, strict=True)) for row in itertools.product(*self.over.values())
+        ]
+
+
 _USUAL: Any = None
 """Stands for a part of a study that follows from its units, until it is made."""
 
@@ -194,6 +246,7 @@ class Study:
             a real unit.
         run: how the hand is tried.
         sweep: what is swept.
+        objective: what the best hand is the best at.
         units: of all lengths: "mm", "cm" or "m"; "model" for the paper's, in which g is 9.8.
 
     Raises:
@@ -214,6 +267,7 @@ class Study:
     run: Run = field(default_factory=Run)
     sweep: Sweep | None = None
     units: str = "model"
+    objective: Objective = field(default_factory=Objective)
 
     def __post_init__(self) -> None:
         check_units(self.units)
@@ -331,6 +385,27 @@ class Study:
             study = replace(study, hand=hand, body=body, drive=drive, law=law, run=run)
         return study
 
+    def objective_studies(self) -> list[Study]:
+        """This study in each condition that its objective names, in their order; itself alone where
+        it names none.
+
+        Raises:
+            ValueError: an unknown name, a number of the hand's, or one out of range.
+        """
+        found = []
+        for point in self.objective.points():
+            try:
+                study = self.having(point)
+            except ValueError as error:
+                raise ValueError(f"[objective] {next(iter(point))}: {error}") from None
+            if study.hand is not self.hand:
+                raise ValueError(
+                    f"[objective] {', '.join(point)}: it is the hand that is looked for; name "
+                    "numbers of the object, the drive or the contact"
+                )
+            found.append(study)
+        return found
+
     def to_toml(self) -> str:
         """The study as a file's text; lengths in its units, angles in degrees.
 
@@ -345,6 +420,12 @@ class Study:
             "contact": self.law.as_table(),
             "run": self.run.as_table(),
         }
+        if self.objective != Objective():
+            tables["objective"] = {
+                **{k: list(v) for k, v in self.objective.over.items()},
+                **({"weights": list(self.objective.weights)} if self.objective.weights else {}),
+                **({"of": "worst"} if self.objective.worst else {}),
+            }
         if self.sweep is not None:
             mode = {"mode": "zip"} if self.sweep.zipped else {}
             tables["sweep"] = mode | {k: list(v) for k, v in self.sweep.values.items()}

@@ -19,7 +19,15 @@ from pcjax.model.hand import HandDesign
 from pcjax.model.presets import HANDS
 from pcjax.simulate.choose import engine_names
 from pcjax.simulate.engine import ENGINES
-from pcjax.study.spec import MOST_CONDITIONS, Run, Study, Sweep, own_parameters, usual_radius
+from pcjax.study.spec import (
+    MOST_CONDITIONS,
+    Objective,
+    Run,
+    Study,
+    Sweep,
+    own_parameters,
+    usual_radius,
+)
 from pcjax.units import UNITS, doubts_of_gravity, doubts_of_model_units
 from pcjax.words import did_you_mean
 
@@ -54,7 +62,11 @@ class Reader:
         Raises:
             ValueError: an unknown or missing key, or a value that does not do.
         """
-        self.known("", self.data, ("units", "hand", "body", "drive", "contact", "run", "sweep"))
+        self.known(
+            "",
+            self.data,
+            ("units", "hand", "body", "drive", "contact", "run", "objective", "sweep"),
+        )
         self.table("units", ("length",))
         self.units = self.word("units", "length", UNITS, "model")
         drive = self.drive()
@@ -70,6 +82,8 @@ class Reader:
                 except ValueError as error:
                     raise ValueError(f"[sweep] {name}: {error}") from None
         study.scenarios()
+        study = replace(study, objective=self.objective())
+        study.objective_studies()
         return replace(study, sweep=sweep)
 
     def doubt_units(self, study: Study) -> None:
@@ -228,9 +242,24 @@ class Reader:
             self.doubt("sweep", name, line)
         return Sweep(values, zipped)
 
-    def line(self, name: str, value: Any) -> tuple[float, ...]:
-        """The values of a swept number: a list, or a range as a table."""
-        what = f"[sweep] {name}"
+    def objective(self) -> Objective:
+        table = self.table("objective")
+        worst = self.word("objective", "of", ("mean", "worst"), "mean") == "worst"
+        weights = table.get("weights", [])
+        if not isinstance(weights, list) or not all(map(is_number, weights)):
+            raise ValueError(f"[objective] weights is {weights!r}: it has to be a list of numbers")
+        over = {
+            name: self.line(name, value, "objective")
+            for name, value in table.items()
+            if name not in ("of", "weights")
+        }
+        for name, line in over.items():
+            self.doubt("objective", name, line)
+        return Objective(over, tuple(map(_float, weights)), worst)
+
+    def line(self, name: str, value: Any, where: str = "sweep") -> tuple[float, ...]:
+        """The values that a number takes: a list, or a range as a table."""
+        what = f"[{where}] {name}"
         if isinstance(value, list) and all(map(is_number, value)):
             return tuple(map(_float, value))
         if not isinstance(value, dict):
