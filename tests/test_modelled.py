@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import beta, multivariate_normal
+from scipy.stats import beta, binom, multivariate_normal
 
 import pcjax
 from pcjax.design.belief import Batch, Belief
@@ -95,21 +95,24 @@ def test_what_erred_together_is_compared_sharply() -> None:
 # ---------------------------------------------------------------------------------- the belief
 
 
-def test_low_samples_do_not_count_for_more() -> None:
-    """200 batches of the mean of 40 exponential variables, whose variance is estimated from the
-    same numbers: the mean of the logarithms is within 4 s.e. of the truth (false alarm 6e-5), where
-    weights from each sample's own variance would be off by 1 / 40, 7 s.e."""
+def test_lucky_samples_do_not_count_for_more() -> None:
+    """200 shares of 40 trials of which 0.8 are held, each with a variance from its own share: the
+    mean of the logarithms is within 3.5 s.e. of the truth (false alarm 5e-4). Weighed by each
+    sample's own variance, which is least where the share is high, it is 6 s.e. too high."""
     rng = np.random.default_rng(3)
     surrogate = Surrogate(replace(TASK, directions=("does",)), form="exact", trials=40)
-    belief = Belief(surrogate)
-    samples = rng.exponential(size=(200, 40))
-    means, errors = samples.mean(axis=1), samples.std(axis=1, ddof=1) / math.sqrt(40)
+    shares = (rng.binomial(40, 0.8, size=200) + 0.5) / 41
+    variances = (1 - shares) / (40 * shares)
     at = np.linspace(0, 1, 200)[:, None]
-    noise = np.diag((errors / means) ** 2)
-    belief.learn(Batch(at, np.log(means)[:, None], noise[None], 40))
+    belief = Belief(surrogate)
+    belief.learn(Batch(at, np.log(shares)[:, None], np.diag(variances)[None], 40))
     found = belief.mean(np.linspace(0.1, 0.9, 9)[:, None]).mean()
-    # The logarithm of a mean of 40 is low by half its variance, 1 / 80.
-    assert abs(found + 1 / 80) < 4 / math.sqrt(200 * 40)
+    every = (np.arange(41) + 0.5) / 41
+    truth = binom(40, 0.8).pmf(np.arange(41)) @ np.log(every)
+    error = math.sqrt(0.2 / (40 * 0.8) / 200)
+    assert abs(found - truth) < 3.5 * error
+    own = np.average(np.log(shares), weights=1 / variances)
+    assert own - truth > 3.5 * error
 
 
 def test_no_share_is_certain() -> None:

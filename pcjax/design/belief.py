@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from pcjax.design.gaussian import GaussianProcess, Kernel, Points, fitted
+from pcjax.design.gaussian import GaussianProcess, Kernel, Matrix, Numbers, Points, fitted
 from pcjax.quality.surrogate import Surrogate
 
 _GROWTH = 1.2
@@ -74,11 +74,19 @@ class Belief:
         """Takes one more batch."""
         self.batches.append(batch)
         at, logs = self.at, np.concatenate([batch.logs for batch in self.batches])
+        if not self._processes:
+            # Nothing is expected of any design yet: with noise that is alike for all, first.
+            self._fit(at, logs, [np.zeros(len(at))] * logs.shape[1])
+            self.fitted_at = 0
+        self._fit(at, logs, [process.mean(at) for process in self._processes])
+
+    def _fit(self, at: Points, logs: Matrix, expected: Sequence[Numbers]) -> None:
+        """Makes the processes, and their kernels where much more is known than at the last fit."""
         trials = np.concatenate([np.full(len(b.at), b.trials) for b in self.batches])
-        noises = []
-        for k, values in enumerate(logs.T):
-            expected = self._processes[k].mean(at) if self._processes else values
-            noises.append(_smoothed([b.noise[k] for b in self.batches], expected, trials))
+        noises = [
+            _smoothed([b.noise[k] for b in self.batches], values, trials)
+            for k, values in enumerate(expected)
+        ]
         if len(at) >= _GROWTH * self.fitted_at:
             begin = self.kernels or [None] * len(noises)
             self.kernels = [
