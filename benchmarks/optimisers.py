@@ -141,8 +141,8 @@ def problems() -> list[Problem]:
         ),
         Problem(
             "square with friction, 3",
-            Surrogate(_wrist(Square(50.0), friction=0.35)),
-            design_space(box, tip | gap, 50.0 * math.sqrt(2)),
+            Surrogate(_wrist(Square(60.0), friction=0.35)),
+            design_space(box, tip | gap, 60.0),
             [(-10, 60, 330), (30, 100, 150), (-25, 150, 390)],
             25.0,
         ),

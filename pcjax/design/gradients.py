@@ -44,7 +44,7 @@ class Differences(Estimator):
     Arguments:
         directions: one of `DIRECTIONS`.
         reach: factor on the usual steps of 4 degrees and 0.02 L_p (no more than a fifth of a
-            length). They shrink, all alike, where the hand would close.
+            length). They shrink where the hand would close, or leave no room for the object.
         count: how many gaussian directions; the number of parameters unless given.
 
     Raises:
@@ -87,14 +87,14 @@ class Differences(Estimator):
         """
         began = time.perf_counter()
         ways = self._ways(len(designs[0]), seed)
-        all_moves = []
-        for design in designs:
-            moves = self.reach * ways * space.usual_moves(design)
-            all_moves.append(open_reach(space, design, moves) * moves)
+        all_moves = [
+            open_moves(space, design, self.reach * ways * space.usual_moves(design))
+            for design in designs
+        ]
         hands = [
             space.hand(one)
-            for design, moves in zip(designs, all_moves, strict=True)
-            for one in (design, *(design + m for m in moves), *(design - m for m in moves))
+            for design, (ahead, back) in zip(designs, all_moves, strict=True)
+            for one in (design, *(design + ahead), *(design - back))
         ]
         each = 1 + 2 * len(ways)
         sample = surrogate.sample(hands, seed, hands[::each])
@@ -103,14 +103,14 @@ class Differences(Estimator):
         values, influences = surrogate.appraise(sample)
         seconds = time.perf_counter() - began
         gradients = []
-        for k, moves in enumerate(all_moves):
+        for k, (ahead, back) in enumerate(all_moves):
             mine = slice(k * each, (k + 1) * each)
-            # Least squares: half the differences are moves @ gradient.
-            weights = 0.5 * np.linalg.pinv(moves)
+            # Least squares: the differences are (ahead + back) @ gradient.
+            weights = np.linalg.pinv(ahead + back)
             pick = np.zeros((1 + len(weights), each))
             pick[0, 0] = 1.0
-            pick[1:, 1 : 1 + len(moves)] = weights
-            pick[1:, 1 + len(moves) :] = -weights
+            pick[1:, 1 : 1 + len(ways)] = weights
+            pick[1:, 1 + len(ways) :] = -weights
             parts, each_influence = pick @ values[mine], pick @ influences[:, mine]
             gradients.append(
                 gradient_from(
@@ -337,18 +337,27 @@ def mixed(one: Gradient, two: Gradient) -> Gradient:
     )
 
 
-def open_reach(
-    space: DesignSpace,
-    design: Design,
-    moves: Float[np.ndarray, "moves p"],
-) -> float:
-    """The factor, at most 1, with which all moves leave the hand open, either way.
+_LEAST_REACH = 0.1
+
+Moves = Float[np.ndarray, "moves parameters"]
+
+
+def open_moves(space: DesignSpace, design: Design, moves: Moves) -> tuple[Moves, Moves]:
+    """The moves ahead and back that leave the hand open, with room for the objects: all of them
+    times one factor or, where that would be less than a tenth, each as far as it can go.
 
     Raises:
-        ValueError: there is none above 1 %.
+        ValueError: some move leads nowhere, ahead or back.
     """
-    for factor in 0.75 ** np.arange(17):
-        around = design + factor * np.concatenate([moves, -moves])
-        if np.all(space.open(around, 0.5)):
-            return float(factor)
-    raise ValueError("the hand is closed, or as good as closed: there is no way to move from it")
+    factors = 0.75 ** np.arange(17)
+    ways = factors[:, None, None, None] * np.stack([moves, -moves])
+    good = space.open(design + ways, 0.5)
+    common = factors[good.all(axis=(1, 2))]
+    if len(common) and common[0] >= _LEAST_REACH:
+        return common[0] * moves, common[0] * moves
+    ahead, back = np.max(np.where(good, factors[:, None, None], 0.0), axis=0)[..., None] * moves
+    if not np.all(np.any(ahead + back != 0, axis=1)):
+        raise ValueError(
+            "the hand is closed, or as good as closed: there is no way to move from it"
+        )
+    return ahead, back
