@@ -305,9 +305,8 @@ class Surrogate:
         scores = xp.reshape(each, (*each.shape[:-1], -1, len(signs))) @ xp.asarray(
             signs, each.dtype
         )
-        if self.task.worst:
-            return xp.min(scores, axis=-1)
-        return scores @ xp.asarray(self.task.shares, each.dtype)
+        shares = xp.asarray(self.task.shares, each.dtype)
+        return xp.asarray(xp.min(scores, axis=-1) if self.task.worst else scores @ shares)
 
     def weigh(self, each: Float[np.ndarray, "*some runs"]) -> Float[np.ndarray, "*some runs"]:
         """The derivative of `combined`."""
