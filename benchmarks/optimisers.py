@@ -36,7 +36,7 @@ from pcjax.design.search import search_cma
 from pcjax.design.space import Design, DesignSpace, design_space
 from pcjax.model.bodies.base import Body
 from pcjax.model.bodies.circle import Circle
-from pcjax.model.bodies.convex import Square
+from pcjax.model.bodies.convex import Capsule, Square
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.arm import PlanarArm
 from pcjax.model.drives.wrist import WristTilt
@@ -100,7 +100,7 @@ def problems() -> list[Problem]:
         "link_length_2": (60.0, 160.0),
     }
     arm = Task(Circle(50.0), PlanarArm(), ("does",), 300_000)
-    box = box_hand()
+    box, rubbing = box_hand(), ContactLaw(friction=0.3)
     return [
         Problem(
             "box, 2",
@@ -201,6 +201,21 @@ def problems() -> list[Problem]:
                 (30, 60, -10, 60, 95, 85, 85, 95, 550, 450),
             ],
             12.0,
+        ),
+        # Chosen when the default's method was fixed.
+        Problem(
+            "capsule on the arm, 4",
+            Surrogate(Task(Capsule(80.0, 40.0), PlanarArm(), ("does",), 300_000, rubbing)),
+            design_space(two_joint_hand(), two, 40.0, 8.0),
+            [(65, 90, 200, 100), (50, 100, 180, 70), (80, 80, 250, 120)],
+            20.0,
+        ),
+        Problem(
+            "asymmetric, score by index 2, 4",
+            Surrogate(_wrist(Circle(25.0)), objective="index2"),
+            design_space(box, each, 50.0),
+            [(10, 100, 10, 100), (-20, 50, 0, 100), (30, 60, -10, 150)],
+            8.0,
         ),
     ]
 
@@ -303,7 +318,7 @@ def by_evolution(problem: Problem, seed: int, until: float) -> Design:
     differential_evolution(
         loss,
         [(0.0, 1.0)] * len(begun),
-        x0=begun,
+        x0=np.clip(begun, 0.0, 1.0),
         vectorized=True,
         updating="deferred",
         polish=False,

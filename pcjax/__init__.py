@@ -4,6 +4,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pcjax.design.front import trade_off
     from pcjax.design.gradients import Differences, Mixture, Pathwise, differentiable_score
     from pcjax.design.map import score_map
     from pcjax.design.optimize import optimize
@@ -92,6 +93,7 @@ _WHERE = {
     "run_sweep": "pcjax.sweep.run",
     "score_map": "pcjax.design.map",
     "step": "pcjax.physics.step",
+    "trade_off": "pcjax.design.front",
     "trajectory": "pcjax.simulate.stepping",
     "two_joint_hand": "pcjax.model.presets",
 }
@@ -151,6 +153,7 @@ __all__ = [
     "run_sweep",
     "score_map",
     "step",
+    "trade_off",
     "trajectory",
     "two_joint_hand",
 ]

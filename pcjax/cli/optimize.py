@@ -33,6 +33,7 @@ from pcjax.cli.parts import (
     whole,
 )
 from pcjax.design.estimator import Estimator
+from pcjax.design.front import Member, trade_off
 from pcjax.design.gradients import Differences, Mixture, Pathwise
 from pcjax.design.map import score_name
 from pcjax.design.optimize import optimize
@@ -106,6 +107,12 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
     )
     add("--weights", type=_numbers, default=None, metavar="W,W,...", help="of these conditions")
     add("--worst", action="store_true", help="the worst of their scores counts, not the mean")
+    add(
+        "--front",
+        action="store_true",
+        help="the designs that no other one beats in both of two aims: DoEs and EoEn or, with "
+        "--over, the scores in two conditions",
+    )
     add(
         "--method",
         choices=METHODS,
@@ -237,6 +244,9 @@ def _run(arguments: argparse.Namespace) -> None:
     )
     for scenario in task.scenarios(space.hand(space.nearest_allowed(space.design_of(study.hand)))):
         check_geometry(scenario)
+    if arguments.front:
+        _run_front(arguments, surrogate, space, settings)
+        return
     began = time.perf_counter()
     if arguments.method == "grid" and arguments.checkpoint is None:
         points = [arguments.grid_points] * len(space.free)
@@ -266,6 +276,61 @@ def _run(arguments: argparse.Namespace) -> None:
         print(json.dumps(as_json(found, space, conditions, seconds)))
     else:
         print(as_text(found, space, surrogate, conditions, seconds))
+
+
+def _run_front(
+    arguments: argparse.Namespace, surrogate: Surrogate, space: DesignSpace, settings: Settings
+) -> None:
+    """What `--front` asks for."""
+    for name, given in (
+        ("--method", arguments.method != Settings.method),
+        ("--out", arguments.out is not None),
+        ("--checkpoint", arguments.checkpoint is not None),
+        ("--weights", bool(surrogate.task.weights)),
+        ("--worst", surrogate.task.worst),
+    ):
+        if given:
+            raise ValueError(f"{name} is for one best hand, and --front looks for many")
+    began = time.perf_counter()
+    found = trade_off(surrogate, space, settings, progress=True)
+    seconds = time.perf_counter() - began
+    if arguments.plot:
+        save_picture("view.front.plot_front", (found, space, surrogate), arguments.plot)
+    if arguments.json:
+
+        def member(one: Member) -> dict[str, Any]:
+            aims = dict(zip(found.names, map(asdict, one.aims), strict=True))
+            return {"parameters": space.named(one.design), "aims": aims}
+
+        told = {
+            "front": list(map(member, found.members)),
+            "start": member(found.start),
+            "trials": found.trials,
+            "invalid": found.invalid,
+            "wall_seconds": seconds,
+        }
+        print(json.dumps(told))
+        return
+    titles = [p.name + in_brackets(p.label, surrogate.task.units) for p in space.free]
+    spec = ",.0f" if found.names[0].endswith("index1") and not surrogate.task.also else ",.4f"
+    rows = [
+        [name, *(f"{x:.4g}" for x in one.design), *(estimate_text(aim, spec) for aim in one.aims)]
+        for name, one in [
+            *((str(k), one) for k, one in enumerate(found.members, start=1)),
+            ("start", found.start),
+        ]
+    ]
+    lines = [
+        f"{name}: {'more' if larger else 'less'} is better"
+        for name, larger in zip(found.names, found.larger, strict=True)
+    ]
+    if found.invalid:
+        lines.append(f"{found.invalid:,} trials went wrong with some hand, and were left out")
+    stop = "interrupted after " if found.interrupted else ""
+    lines.append(f"{stop}{found.trials:,} trials, {seconds:.1f} s")
+    print(
+        "\n".join([in_columns(["", *titles, *found.names], rows, left=[0]), *map(wrapped, lines)])
+    )
 
 
 def as_json(

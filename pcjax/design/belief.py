@@ -101,13 +101,22 @@ class Belief:
 
     def mean(self, at: Points) -> Float[np.ndarray, " points"]:
         """The logarithm of the score to expect."""
-        each = np.stack([process.mean(at) for process in self._processes], axis=-1)
-        return np.asarray(self.surrogate.combined(each))
+        return np.asarray(self.surrogate.combined(self.each_mean(at)))
 
     def draws(
         self, at: Points, count: int, rng: np.random.Generator
     ) -> Float[np.ndarray, "points draws"]:
         """The score's logarithms at designs, drawn from what is believed."""
+        return np.asarray(self.surrogate.combined(self.each_draws(at, count, rng)))
+
+    def each_mean(self, at: Points) -> Float[np.ndarray, "points runs"]:
+        """The logarithm of each run to expect."""
+        return np.stack([process.mean(at) for process in self._processes], axis=-1)
+
+    def each_draws(
+        self, at: Points, count: int, rng: np.random.Generator
+    ) -> Float[np.ndarray, "points draws runs"]:
+        """The runs' logarithms at designs, drawn from what is believed."""
         each = []
         for process in self._processes:
             mean, covariance = process.joint(at)
@@ -115,7 +124,7 @@ class Belief:
             covariance[np.diag_indices_from(covariance)] += 1e-6 * scale + 1e-12
             drawn = np.linalg.cholesky(covariance) @ rng.standard_normal((len(at), count))
             each.append(mean[:, None] + drawn)
-        return np.asarray(self.surrogate.combined(np.stack(each, axis=-1)))
+        return np.stack(each, axis=-1)
 
     @property
     def lengths(self) -> Float[np.ndarray, " parameters"]:

@@ -53,6 +53,17 @@ class Comparison:
         alone = replace(self.surrogate, task=every[task])
         return comparison_of(alone, replace(self.sample, values=mine))
 
+    def of_run(self, run: int) -> Comparison:
+        """How well the hands hold in one direction of one task."""
+        count = len(self.surrogate.task.directions)
+        alone = replace(
+            self.surrogate,
+            task=replace(self.surrogate.task.each[run // count], directions=("does",)),
+        )
+        return comparison_of(
+            alone, replace(self.sample, values=self.sample.values[:, run : run + 1])
+        )
+
     @property
     def best(self) -> int:
         """Which design has the highest score."""

@@ -54,10 +54,10 @@ _APART = 0.1
 _FIRST = 16
 """Designs of the first round, or three for each parameter."""
 
-_BATCH = 8
+BATCH = 8
 """Designs of each other round."""
 
-_DRAWS = 64
+DRAWS = 64
 
 _SPREAD = 128
 """Designs spread over the space that are thought of in each round, and as many again that lie
@@ -94,40 +94,20 @@ def search_model(
     Raises:
         ValueError: see `pcjax.optimize`.
     """
-    path = None if checkpoint is None else Path(checkpoint)
     space = space.holding(surrogate.task)
-    rounds = settings.iterations or _ROUNDS
     (begun,) = starting_designs(space, 1, settings.seed)
     start = given_start(surrogate, space, begun)
-    search = Search(surrogate, space, settings.seed)
-    state, belief = Progress([[]], [list(map(float, begun))], []), Belief(surrogate)
-    fingerprint = fingerprint_of(surrogate, space, settings)
-    interrupted = False
-    with nullcontext() if path is None else locked(path):
-        if path is not None and os.path.lexists(path):
-            state = load_progress(path, fingerprint, search.possible)
-            for kept in state.state:
-                belief.learn(Batch.of(kept["batch"]))
-        with progress_bar(
-            total=rounds,
-            initial=state.iteration,
-            desc="optimise",
-            unit="round",
-            shown=progress,
-        ) as bar:
-            try:
-                while (
-                    state.iteration < rounds
-                    and not calm(state, settings.gain)
-                    and not (belief.batches and enough())
-                ):
-                    state = search.round(belief, state)
-                    if path is not None:
-                        keep_progress(path, fingerprint, state)
-                    bar.update()
-                    bar.set_postfix_str(_in_short(state.history[0][-1]))
-            except KeyboardInterrupt:
-                interrupted = True
+    search, belief = Search(surrogate, space, settings.seed), Belief(surrogate)
+    state, interrupted = search.run(
+        belief,
+        begun,
+        settings.iterations or _ROUNDS,
+        gain=settings.gain,
+        checkpoint=checkpoint,
+        fingerprint=fingerprint_of(surrogate, space, settings),
+        progress=progress,
+        enough=enough,
+    )
     ends = search.basins(belief) if belief.batches else [[begun]]
     return accept(ends, state, start, surrogate, space, settings, interrupted=interrupted)
 
@@ -187,6 +167,59 @@ class Search:
         at = at.copy()
         at[wrong] = begin + share[:, None] * way
         return at
+
+    def run(
+        self,
+        belief: Belief,
+        begun: Design,
+        rounds: int,
+        *,
+        gain: float,
+        checkpoint: str | os.PathLike[str] | None,
+        fingerprint: str,
+        progress: bool,
+        enough: Callable[[], bool],
+    ) -> tuple[Progress, bool]:
+        """Rounds, as many as that or until little gain is to be expected; and whether they were
+        interrupted.
+
+        Arguments:
+            belief: without batches; it learns what is seen.
+            begun: a design of the space, where the search begins.
+            rounds: at most.
+            gain: see `Settings`.
+            checkpoint, progress: see `pcjax.optimize`.
+            fingerprint: of all that the search depends on.
+            enough: see `search_model`.
+        """
+        path = None if checkpoint is None else Path(checkpoint)
+        state, interrupted = Progress([[]], [list(map(float, begun))], []), False
+        with nullcontext() if path is None else locked(path):
+            if path is not None and os.path.lexists(path):
+                state = load_progress(path, fingerprint, self.possible)
+                for kept in state.state:
+                    belief.learn(Batch.of(kept["batch"]))
+            with progress_bar(
+                total=rounds,
+                initial=state.iteration,
+                desc="optimise",
+                unit="round",
+                shown=progress,
+            ) as bar:
+                try:
+                    while (
+                        state.iteration < rounds
+                        and not calm(state, gain)
+                        and not (belief.batches and enough())
+                    ):
+                        state = self.round(belief, state)
+                        if path is not None:
+                            keep_progress(path, fingerprint, state)
+                        bar.update()
+                        bar.set_postfix_str(_in_short(state.history[0][-1]))
+                except KeyboardInterrupt:
+                    interrupted = True
+        return state, interrupted
 
     def first(self, begun: Design) -> Points:
         """The designs of the first round: where the search begins, and others spread."""
@@ -252,22 +285,31 @@ class Search:
         rng, seen = np.random.default_rng([self.seed, round]), belief.at
         order = np.argsort(-belief.mean(seen))
         top, good = seen[order[:6]], seen[order[: max(6, len(seen) // 3)]]
-        lengths = self._lengths(belief)
+        places = self.places(belief, top, good, round, rng)
+        best = self.climbed(belief, places[np.argmax(belief.mean(places))], rng)
+        places = distinct(np.concatenate([best[None], places]))
+        draws = belief.draws(places, DRAWS, rng)
+        gain = float(np.mean(draws.max(axis=0) - draws[0]))
+        chosen = list(dict.fromkeys([0, *np.argmax(draws, axis=0).tolist()]))[: BATCH - 1]
+        return self.with_unknown(places, chosen, seen), gain
+
+    def places(
+        self, belief: Belief, top: Points, good: Points, round: int, rng: np.random.Generator
+    ) -> Points:
+        """Designs to think of, all allowed: spread over the space, about the top ones, and these;
+        what is not allowed is drawn in towards a good one."""
         spread = self._spread(_SPREAD, round)
         near = top[rng.integers(len(top), size=_NEAR)]
         inside = np.concatenate([good[rng.integers(len(good), size=_SPREAD)], near])
-        moves = _moves(near.shape, _FARTHEST, rng) * lengths
-        places = self.drawn_in(np.concatenate([spread, near + moves]), inside)
-        places = np.concatenate([places, top])
-        best = self.climbed(belief, places[np.argmax(belief.mean(places))], rng)
-        places = np.concatenate([best[None], places])
-        places = places[np.sort(np.unique(places.round(3), axis=0, return_index=True)[1])]
-        draws = belief.draws(places, _DRAWS, rng)
-        gain = float(np.mean(draws.max(axis=0) - draws[0]))
-        chosen = list(dict.fromkeys([0, *np.argmax(draws, axis=0).tolist()]))[: _BATCH - 1]
-        # And one where least is known, whatever is believed: there may be a cliff in between.
-        chosen.append(int(np.argmax(_distance(places, np.concatenate([seen, places[chosen]])))))
-        return places[chosen], gain
+        moves = _moves(near.shape, _FARTHEST, rng) * self._lengths(belief)
+        found = self.drawn_in(np.concatenate([spread, near + moves]), inside)
+        return np.concatenate([found, top])
+
+    def with_unknown(self, places: Points, chosen: list[int], seen: Points) -> Points:
+        """The places chosen and one more, where least is known whatever is believed: there may be a
+        cliff in between."""
+        known = np.concatenate([seen, places[chosen]])
+        return places[[*chosen, int(np.argmax(_distance(places, known)))]]
 
     def _lengths(self, belief: Belief) -> Design:
         """How far to move each parameter, as shares of one another."""
@@ -361,6 +403,11 @@ def _moves(
     chosen = rng.random(shape) < 2 / 3
     chosen[np.arange(count), rng.integers(parameters, size=count)] = True
     return reach * rng.standard_normal(shape) * chosen
+
+
+def distinct(places: Points) -> Points:
+    """Without those that are hardly different from an earlier one."""
+    return places[np.sort(np.unique(places.round(3), axis=0, return_index=True)[1])]
 
 
 def _distance(points: Points, others: Points) -> Float[np.ndarray, " points"]:
