@@ -45,6 +45,15 @@ from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.quality.surrogate import Surrogate
 from pcjax.quality.task import Task
 
+BOTH_TIPS = {"fingertip_angle_deg": (-30.0, 50.0), "fingertip_length": (25.0, 175.0)}
+EACH_TIP = {
+    "fingertip_angle_1_deg": (-30.0, 50.0),
+    "fingertip_length_1": (25.0, 175.0),
+    "fingertip_angle_2_deg": (-30.0, 50.0),
+    "fingertip_length_2": (25.0, 175.0),
+}
+ONE_SIDED = EACH_TIP | {"gap_width": (100.0, 400.0)}
+
 UNSEEN = 777
 TRIALS = 250
 BOTH = ("does", "eoen")
@@ -78,19 +87,7 @@ def _chain(angles: Sequence[float], lengths: Sequence[float]) -> HandDesign:
 
 def problems() -> list[Problem]:
     """All of them."""
-    tip: dict[str, tuple[float, float]] = {
-        "fingertip_angle_deg": (-30, 50),
-        "fingertip_length": (25, 175),
-    }
-    gap = {"gap_width": (100.0, 400.0)}
-    each = {
-        f"{name}_{k}{unit}": span
-        for k in (1, 2)
-        for name, unit, span in (
-            ("fingertip_angle", "_deg", (-30.0, 50.0)),
-            ("fingertip_length", "", (25.0, 175.0)),
-        )
-    }
+    tip, each, gap = BOTH_TIPS, EACH_TIP, {"gap_width": (100.0, 400.0)}
     joints = {f"joint_angle_{k}{j}_deg": (60.0, 120.0) for k in (1, 2) for j in (1, 2)}
     links = {f"link_length_{k}1": (300.0, 600.0) for k in (1, 2)}
     two = {
@@ -163,7 +160,7 @@ def problems() -> list[Problem]:
         Problem(
             "asymmetric tips, 5",
             Surrogate(_wrist(Circle(25.0))),
-            design_space(box, each | gap, 50.0),
+            design_space(box, ONE_SIDED, 50.0),
             [(-20, 50, 10, 100, 200), (40, 50, 0, 150, 250), (-30, 175, 30, 50, 200)],
             8.0,
         ),

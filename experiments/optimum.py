@@ -1,9 +1,10 @@
-"""Does the design loop find the best hand? Against an exhaustive grid, and against CMA-ES.
+"""Does the design loop find the best hand, and which of its parts does it owe that to?
 
-- Two parameters: every start against the best design on a grid of 2.5 degrees by 0.025 L_p.
-- The relaxed score against the exact one over that grid.
-- Five parameters (asymmetric fingertips): the loop against CMA-ES for the same wall time.
-- The arm's hand: both joint angles.
+- `two`: angle and length of both fingertips, 20 seeds from five starts, against the best design on
+  a grid of 2.5 degrees by 0.025 L_p.
+- `five`: fingertips that differ and the gap, 20 seeds, against the best on a grid of 5 values each.
+- `parts`: searches of equal length without one part of the model each, on problems of 2, 3, 6 and
+  10 parameters.
 
 Final scores are exact, paired, and on trials that nothing else has used. Keeps
 `results/optimum.json` and draws `results/optimum.png`.
@@ -12,199 +13,202 @@ Final scores are exact, paired, and on trials that nothing else has used. Keeps
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import time
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from scipy.stats import rankdata
 
+from benchmarks.optimisers import ONE_SIDED, Problem, problems
+from pcjax.design.belief import Batch, Belief
+from pcjax.design.checkpoint import Progress
 from pcjax.design.compare import compare
-from pcjax.design.optimize import Settings, optimize
-from pcjax.design.search import search_cma
-from pcjax.design.space import DesignSpace, design_space
+from pcjax.design.gaussian import Points
+from pcjax.design.modelled import BATCH, Search
+from pcjax.design.optimize import optimize
+from pcjax.design.outcome import Settings
+from pcjax.design.space import Design, DesignSpace, design_space
 from pcjax.model.bodies.circle import Circle
-from pcjax.model.drives.arm import PlanarArm
 from pcjax.model.drives.wrist import WristTilt
-from pcjax.model.presets import box_hand, two_joint_hand
+from pcjax.model.presets import box_hand
 from pcjax.paper import constants as paper
 from pcjax.quality.surrogate import Surrogate
 from pcjax.quality.task import Task
 
 RESULTS = Path(__file__).parent / "results"
 UNSEEN = 777
-PARTS = ("grid", "two", "arm", "five")
+SEEDS = 20
 RADIUS, UNIT = 25.0, paper.WRIST_PALM_LENGTH
 BOUNDS = {"fingertip_angle_deg": (-30.0, 45.0), "fingertip_length": (0.05 * UNIT, 0.35 * UNIT)}
 STARTS = [(-20, 0.1), (40, 0.1), (0, 0.3), (-30, 0.35), (10, 0.05)]
-ONE_SIDED = {
-    "fingertip_angle_1_deg": (-30.0, 45.0),
-    "fingertip_angle_2_deg": (-30.0, 45.0),
-    "fingertip_length_1": (0.05 * UNIT, 0.35 * UNIT),
-    "fingertip_length_2": (0.05 * UNIT, 0.35 * UNIT),
-    "gap_width": (0.3 * UNIT, 0.6 * UNIT),
-}
-ONE_SIDED_STARTS = [
-    (-20, 10, 0.1, 0.2, 0.4),
-    (40, 0, 0.1, 0.3, 0.5),
-    (0, 0, 0.3, 0.05, 0.6),
-    (-30, 30, 0.35, 0.1, 0.4),
-    (10, -10, 0.05, 0.05, 0.35),
-]
 
 
 def wrist() -> Surrogate:
     task = Task(Circle(RADIUS), WristTilt(), ("does", "eoen"), paper.WRIST_MAX_STEPS)
-    return Surrogate(task, trials=1000)
+    return Surrogate(task)
 
 
-def from_start(space: DesignSpace, design: tuple[float, ...]) -> DesignSpace:
-    """The space with its base hand at a design."""
-    return replace(space, base=space.hand(list(design)))
+def best_of(space: DesignSpace, designs: np.ndarray, trials: int) -> Design:
+    """The best of many designs: all on some trials, the top ones again on many."""
+    designs = designs[space.holding(wrist().task).which(designs)]
+    logs = np.concatenate(
+        [
+            compare(wrist(), space, list(designs[k : k + 64]), trials=trials, seed=1).logs
+            for k in range(0, len(designs), 64)
+        ]
+    )
+    top = designs[np.argsort(logs)[-32:]]
+    again = compare(wrist(), space, list(top), trials=20 * trials, seed=3)
+    return top[again.best]
 
 
-def grid(scale: float) -> dict[str, Any]:
-    """Relaxed and exact scores over the grid, and the best design on it."""
-    space = design_space(box_hand(), BOUNDS, 2 * RADIUS)
-    angles = np.arange(-30, 45.1, 2.5)
-    lengths = np.arange(0.05, 0.3501, 0.025) * UNIT
-    designs = [np.array([a, length]) for a in angles for length in lengths]
-    designs = [design for design in designs if space.allowed(design)]
-    trials, surrogate = max(50, round(1000 * scale)), wrist()
-    exact, relaxed = [], []
-    for first in range(0, len(designs), 64):
-        some = designs[first : first + 64]
-        exact += list(compare(surrogate, space, some, trials=trials, seed=1).logs)
-        mine = replace(surrogate, trials=trials)
-        sample = mine.sample([space.hand(design) for design in some], 2)
-        relaxed += list(mine.judge(sample.means())[0] @ mine.signs)
-    top = np.argsort(exact)[-8:]
-    again = compare(surrogate, space, [designs[k] for k in top], trials=8 * trials, seed=3)
-    best = designs[top[again.best]]
-    return {
-        "designs": [list(map(float, design)) for design in designs],
-        "exact": [math.exp(x) for x in exact],
-        "relaxed": [math.exp(x) for x in relaxed],
-        "rank_correlation": float(np.corrcoef(rankdata(exact), rankdata(relaxed))[0, 1]),
-        "best": list(map(float, best)),
-    }
-
-
-def two_parameters(best: list[float], scale: float) -> list[dict[str, Any]]:
-    """Each start's end against the best on the grid."""
-    found, space = [], design_space(box_hand(), BOUNDS, 2 * RADIUS)
-    trials = max(50, round(1000 * scale))
-    ends = []
-    for angle, share in STARTS:
+def from_seeds(
+    space: DesignSpace, starts: Sequence[tuple[float, ...]], best: Design, trials: int
+) -> dict[str, Any]:
+    """The default from every seed against the best of a grid."""
+    optimize(wrist(), space, Settings(iterations=2, accept_trials=trials))  # compiles
+    rows, ends = [], []
+    for seed in range(SEEDS):
+        base = space.hand(np.array(starts[seed % len(starts)], float))
         began = time.perf_counter()
-        got = optimize(
-            replace(wrist(), trials=trials),
-            from_start(space, (angle, share * UNIT)),
-            Settings(check_trials=trials, accept_trials=trials, seed=5),
-        )
+        mine = replace(space, base=base)
+        got = optimize(wrist(), mine, Settings(seed=1000 * seed, accept_trials=10 * trials))
         ends.append(got.best)
-        found.append(
+        rows.append(
             {
-                "start": [angle, share * UNIT],
-                "end": list(map(float, got.best)),
-                "path": [step.design for step in got.progress.history[0]],
-                "trials": got.progress.trials,
                 "seconds": time.perf_counter() - began,
-                "loop_seconds": got.progress.seconds,
+                "trials": got.trials,
+                "path": [step.design for step in got.progress.history[0]],
+                "end": list(map(float, got.best)),
             }
         )
-    every = [np.array(best), *ends]
-    final = compare(wrist(), space, every, trials=20 * trials, seed=UNSEEN)
-    for k, row in enumerate(found, start=1):
-        ratio = math.exp(final.logs[k] - final.logs[0])
-        difference = np.zeros(len(every))
+    final = compare(wrist(), space, [best, *ends], trials=20 * trials, seed=UNSEEN)
+    for k, row in enumerate(rows, start=1):
+        difference = np.zeros(len(ends) + 1)
         difference[k], difference[0] = 1.0, -1.0
-        row["ratio_to_best"] = ratio
-        row["ratio_se"] = ratio * math.sqrt(difference @ final.covariance @ difference)
-        row["score"] = final.scores[k].value
+        row["to_best"] = float(final.logs[k] - final.logs[0])
+        row["se"] = math.sqrt(difference @ final.covariance @ difference)
+    return {"best": list(map(float, best)), "score": math.exp(final.logs[0]), "seeds": rows}
+
+
+def two(trials: int) -> dict[str, Any]:
+    space = design_space(box_hand(), BOUNDS, 2 * RADIUS)
+    angles, shares = np.arange(-30, 45.1, 2.5), np.arange(0.05, 0.3501, 0.025)
+    designs = np.array([[a, share * UNIT] for a in angles for share in shares])
+    best = best_of(space, designs, trials)
+    return from_seeds(space, [(a, share * UNIT) for a, share in STARTS], best, trials)
+
+
+def five(trials: int) -> dict[str, Any]:
+    space = design_space(box_hand(), ONE_SIDED, 2 * RADIUS)
+    lines = [np.linspace(p.low, p.high, 5) for p in space.free]
+    best = best_of(space, np.array(list(itertools.product(*lines))), max(trials // 4, 2))
+    starts = [(-20, 50, 10, 100, 200), (40, 50, 0, 150, 250), (-30, 175, 30, 50, 200)]
+    return from_seeds(space, starts, best, trials)
+
+
+# ------------------------------------------------------------------------------------------ parts
+
+
+@dataclass(frozen=True)
+class Unpaired(Search):
+    """As if every design had trials of its own."""
+
+    def try_out(self, at: Points, round: int) -> tuple[Batch, int]:
+        batch, invalid = super().try_out(at, round)
+        return replace(batch, noise=batch.noise * np.eye(len(at))), invalid
+
+
+@dataclass(frozen=True)
+class AsOne(Search):
+    """One process for the score, in place of one for each direction."""
+
+    def try_out(self, at: Points, round: int) -> tuple[Batch, int]:
+        exact = replace(self.surrogate, form="exact", trials=self.trials(round))
+        hands = [self.space.hand(one) for one in self.design(at)]
+        found = exact.appraise(sample := exact.sample(hands, self.seed + round))
+        influence = np.einsum("vd,dvn->vn", exact.weigh(found[0]), found[1])
+        count = influence.shape[1]
+        noise = influence @ influence.T / (count * (count - 1)) + 1e-9 * np.eye(len(at))
+        logs = np.asarray(exact.combined(found[0]))[:, None]
+        return Batch(at, logs, noise[None], count), sample.invalid
+
+
+@dataclass(frozen=True)
+class Starred(Search):
+    """Half of each batch, or more, is moves about the best design: derivatives, as differences on
+    the same trials."""
+
+    def think(self, belief: Belief, round: int) -> tuple[Points, float]:
+        at, gain = super().think(belief, round)
+        moves = self.space.usual_moves(self.design(at[0])) / (self.space.high - self.space.low)
+        star = at[0] + np.concatenate([np.diag(moves), np.diag(-moves)])
+        star = self.drawn_in(star, np.repeat(at[:1], len(star), axis=0))
+        return np.concatenate([at[: max(BATCH - len(star), BATCH // 2)], star]), gain
+
+
+KINDS = {"all of it": Search, "unpaired": Unpaired, "one process": AsOne, "derivatives": Starred}
+
+
+def searched(problem: Problem, kind: type[Search], seed: int) -> Design:
+    """The best design that one kind of search has tried in the problem's time."""
+    surrogate, until = problem.surrogate, time.process_time() + problem.seconds
+    search = kind(surrogate, problem.space, seed)
+    alone = replace(surrogate, task=replace(surrogate.task, directions=("does",)))
+    belief = Belief(alone if kind is AsOne else surrogate)
+    begun = problem.space.design_of(problem.space.base)
+    state = Progress([[]], [list(map(float, begun))], [])
+    while not belief.batches or time.process_time() < until:
+        state = search.round(belief, state)
+    return np.array(state.designs[0])
+
+
+def parts(trials: int) -> dict[str, Any]:
+    names = ("box, 2", "box, 3", "chain with barbs, 3", "asymmetric tips, 5", "asymmetric, all, 10")
+    found = {}
+    for problem in problems():
+        if problem.name not in names:
+            continue
+        ends, rows = [], []
+        for start, (name, kind) in itertools.product(range(3), KINDS.items()):
+            mine = replace(problem.start(start), seconds=0.5 * problem.seconds)
+            ends.append(searched(mine, kind, 1000 * start))
+            rows.append({"start": start, "kind": name})
+        final = compare(problem.surrogate, problem.space, ends, trials=10 * trials, seed=UNSEEN)
+        top = int(np.argmax(final.logs))
+        for k, row in enumerate(rows):
+            pair = np.zeros(len(ends))
+            pair[k] += 1.0
+            pair[top] -= 1.0
+            row["to_best"] = float(final.logs[k] - final.logs[top])
+            row["se"] = math.sqrt(max(pair @ final.covariance @ pair, 0.0))
+        found[problem.name] = rows
+        for name in KINDS:
+            each = [100 * row["to_best"] for row in rows if row["kind"] == name]
+            print(f"{problem.name}: {name}: {np.mean(each):.2f} % {np.round(each, 2)}", flush=True)
     return found
 
 
-def five_parameters(scale: float) -> list[dict[str, Any]]:
-    """The loop and CMA-ES from the same starts, for the same wall time."""
-    found, space = [], design_space(box_hand(), ONE_SIDED, 2 * RADIUS)
-    trials = max(50, round(1000 * scale))
-    surrogate = replace(wrist(), trials=max(50, round(500 * scale)))
-    settings = Settings(check_every=1000, accept_trials=trials, seed=6)
-    # Compile first: neither is to pay for that.
-    few = replace(settings, iterations=1)
-    optimize(surrogate, space, few)
-    search_cma(surrogate, space, few)
-    for at in ONE_SIDED_STARTS:
-        start = (at[0], at[1], at[2] * UNIT, at[3] * UNIT, at[4] * UNIT)
-        mine = from_start(space, start)
-        loop = optimize(surrogate, mine, settings)
-        many = replace(settings, iterations=10_000)
-        cma = search_cma(surrogate, mine, many, seconds=loop.progress.seconds)
-        final = compare(surrogate, space, [loop.best, cma.best], trials=20 * trials, seed=UNSEEN)
-        gain = final.improvement(1, 0)
-        found.append(
-            {
-                "start": list(start),
-                "loop": {
-                    "end": list(map(float, loop.best)),
-                    "score": final.scores[0].value,
-                    "trials": loop.progress.trials,
-                    "seconds": loop.progress.seconds,
-                },
-                "cma": {
-                    "end": list(map(float, cma.best)),
-                    "score": final.scores[1].value,
-                    "trials": cma.progress.trials,
-                    "seconds": cma.progress.seconds,
-                },
-                "difference": [gain.value, gain.low, gain.high],
-            }
-        )
-        print(json.dumps(found[-1]), flush=True)
-    return found
-
-
-def arm_hand(scale: float) -> dict[str, Any]:
-    """Both joint angles of the arm's hand, from the paper's 65 and 90 degrees."""
-    task = Task(Circle(paper.ARM_RADIUS), PlanarArm(), ("does",), paper.ARM_MAX_STEPS)
-    free = {"joint_angle_1_deg": (45.0, 85.0), "joint_angle_2_deg": (60.0, 130.0)}
-    space = design_space(two_joint_hand(), free, 2 * paper.ARM_RADIUS, 8.0)
-    trials = max(50, round(2000 * scale))
-    settings = Settings(check_trials=trials, accept_trials=2 * trials, seed=7)
-    got = optimize(Surrogate(task, trials=trials), space, settings)
-    gain = got.improvement
-    return {
-        "start": list(map(float, got.start)),
-        "end": list(map(float, got.best)),
-        "scores": [got.start_score.value, got.best_score.value],
-        "improvement": [gain.value, gain.low, gain.high],
-        "seconds": got.progress.seconds,
-    }
+PARTS = {"two": two, "five": five, "parts": parts}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scale", type=float, default=1.0, help="factor on all numbers of trials")
-    parser.add_argument("--only", nargs="*", default=PARTS, choices=PARTS, help="parts to do anew")
+    parser.add_argument("--only", nargs="*", default=[*PARTS], choices=PARTS, help="parts to do")
     arguments = parser.parse_args()
     kept = RESULTS / "optimum.json"
     found: dict[str, Any] = json.loads(kept.read_text()) if kept.exists() else {}
-    work = {
-        "grid": grid,
-        "two": lambda scale: two_parameters(found["grid"]["best"], scale),
-        "arm": arm_hand,
-        "five": five_parameters,
-    }
-    for part in PARTS:
-        if part in arguments.only:
-            found[part] = _rounded(work[part](arguments.scale))
-            kept.write_text(json.dumps(found) + "\n")
-            print(part, "done", flush=True)
+    for part in arguments.only:
+        found[part] = _rounded(PARTS[part](max(50, round(1000 * arguments.scale))))
+        kept.write_text(json.dumps(found) + "\n")
+        print(part, "done", flush=True)
     draw(found).savefig(RESULTS / "optimum.png", dpi=110)
 
 
@@ -217,39 +221,40 @@ def _rounded(value: Any) -> Any:
 
 
 def draw(found: dict[str, Any]) -> Figure:
-    """The ways over the map, relaxed against exact, and the loop against CMA-ES."""
-    figure = Figure(figsize=(15, 4.6), layout="constrained")
-    ways, ranks, five = figure.subplots(1, 3)
-    designs, exact = np.array(found["grid"]["designs"]), np.array(found["grid"]["exact"])
-    points = ways.scatter(*designs.T, c=exact, s=34, marker="s", cmap="viridis")
-    figure.colorbar(points, ax=ways, label="exact score")
-    for row in found["two"]:
-        way = np.array([*row["path"], row["end"]])
-        ways.plot(*way.T, ".-", color="black", lw=0.7, ms=4, mec="white", mew=0.4)
-        ways.plot(*way[-1], "*", color="C3", ms=12, mec="white")
-    ways.plot(*found["grid"]["best"], "o", mfc="none", mec="C3", ms=14, label="best on the grid")
-    ways.set(xlabel="fingertip angle [deg]", ylabel="fingertip length", title="five starts")
-    ways.legend(fontsize=8)
-    ranks.plot(exact, found["grid"]["relaxed"], ".", alpha=0.6)
-    span = [min(exact), max(exact)]
-    ranks.plot(span, span, color="0.6", lw=0.8)
-    ranks.set(
-        xlabel="exact score",
-        ylabel="relaxed score (other trials)",
-        title=f"rank correlation {found['grid']['rank_correlation']:.3f}",
+    """Ends against the best of a grid, how long that took, and searches without a part."""
+    figure = Figure(figsize=(14, 4.4), layout="constrained")
+    ends, seconds, without = figure.subplots(1, 3, width_ratios=[1, 1, 1.5])
+    for k, (part, name) in enumerate((("two", "2 parameters"), ("five", "5 parameters"))):
+        rows = found[part]["seeds"]
+        gains = 100 * np.array([row["to_best"] for row in rows])
+        errors = 196 * np.array([row["se"] for row in rows])
+        x = np.arange(len(rows)) + 0.2 * k
+        ends.errorbar(x, gains, errors, fmt="os"[k], ms=4, lw=1, label=name)
+        seconds.plot(x, [row["seconds"] for row in rows], "os"[k], ms=4, label=name)
+    ends.axhline(0, color="0.5", lw=0.8)
+    ends.axhline(-1, color="0.5", lw=0.8, ls=":")
+    ends.set(xlabel="seed", ylabel="above the best on a grid [%]", title="20 seeds")
+    seconds.set(xlabel="seed", ylabel="wall time after compilation [s]", ylim=(0, None))
+    for axis in (ends, seconds):
+        axis.legend(fontsize=8)
+    for k, kind in enumerate(KINDS):
+        x, y = [], []
+        for place, rows in enumerate(found["parts"].values()):
+            mine = [-100 * row["to_best"] for row in rows if row["kind"] == kind]
+            x += [place + 0.15 * (k - 1.5)] * len(mine)
+            y += mine
+        without.plot(x, np.maximum(y, 0.01), "osD^"[k], ms=5, label=kind)
+    names = [name.rsplit(", ", 1) for name in found["parts"]]
+    without.set(
+        yscale="log",
+        xticks=np.arange(len(names)),
+        xticklabels=[f"{name}\n{count} parameters" for name, count in names],
+        ylabel="below the best that any found [%]",
+        title="searches without a part, half the benchmark's time",
     )
-    x = np.arange(len(found["five"]))
-    for k, name in enumerate(("loop", "cma")):
-        scores = [row[name]["score"] for row in found["five"]]
-        five.plot(x, scores, "os"[k], label={"loop": "design loop", "cma": "CMA-ES"}[name])
-    five.set(
-        xticks=x,
-        xlabel="start",
-        ylabel="exact score, unseen trials",
-        title="five parameters, equal wall time",
-    )
-    five.legend(fontsize=8)
-    for axis in (ranks, five):
+    without.tick_params(axis="x", labelsize=7)
+    without.legend(fontsize=8)
+    for axis in (ends, seconds, without):
         axis.grid(alpha=0.3)
     return figure
 
