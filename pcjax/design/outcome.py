@@ -52,7 +52,7 @@ class Settings:
 
     method: str = "model"
     iterations: int | None = None
-    gain: float = 1e-3
+    gain: float = 2e-3
     starts: int = 1
     rate: float = 0.4
     wide: float = 4.0
