@@ -108,8 +108,12 @@ def search_model(
         progress=progress,
         enough=enough,
     )
-    ends = search.basins(belief) if belief.batches else [[begun]]
-    return accept(ends, state, start, surrogate, space, settings, interrupted=interrupted)
+    ends, tried = [[begun]], []
+    if belief.batches:
+        ends, tried = search.basins(belief), list(search.design(belief.at))
+    return accept(
+        ends, state, start, surrogate, space, settings, interrupted=interrupted, tried=tried
+    )
 
 
 def calm(state: Progress, gain: float) -> bool:

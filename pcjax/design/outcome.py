@@ -126,6 +126,7 @@ class Optimum:
         start_hand: the hand of `start`.
         moved: whether `start` is not the given hand's.
         notes: what is wrong with the given hand, a line each.
+        tried: all designs that a model has seen; none for the other methods.
     """
 
     start: Design
@@ -143,6 +144,7 @@ class Optimum:
     start_hand: HandDesign
     moved: bool
     notes: tuple[str, ...]
+    tried: Sequence[Design] = ()
 
     @property
     def better(self) -> bool:
@@ -159,12 +161,13 @@ def accept(
     settings: Settings,
     *,
     interrupted: bool = False,
+    tried: Sequence[Design] = (),
 ) -> Optimum:
     """Chooses among the ends and compares all of them and the start, on trials of their own.
 
     Arguments:
         ends: where the search ended; of each the designs to choose from.
-        state, start, surrogate, space, settings, interrupted: of the search.
+        state, start, surrogate, space, settings, interrupted, tried: of the search.
     """
     designs, best, spent, invalid = [end[0] for end in ends], 0, 0, 0
     every = [design for end in ends for design in end]
@@ -207,6 +210,7 @@ def accept(
         start.hand,
         start.moved,
         start.notes,
+        tried,
     )
 
 

@@ -114,7 +114,10 @@ def draw_history(axis: Axes, found: Optimum, surrogate: Surrogate) -> None:
         k = np.arange(len(steps))
         logs = np.array([step.value for step in steps])
         errors = _Z95 * np.array([step.value_se for step in steps])
-        label = "seen by the search, fresh trials each" if n == 0 else None
+        label = "seen by the search, fresh trials each"
+        if len(found.tried):
+            label = "the best so far, as the model believes"
+        label = label if n == 0 else None
         axis.plot(k, np.exp(logs), "-", color=colour, lw=1.2, label=label)
         axis.fill_between(k, np.exp(logs - errors), np.exp(logs + errors), color=colour, alpha=0.15)
         checks = [(i, s.exact, s.exact_se) for i, s in enumerate(steps) if s.exact is not None]
@@ -165,11 +168,17 @@ def draw_map(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogat
     gaps, possible = space.look(np.stack(np.meshgrid(*fine), axis=-1))
     _draw_regions(axis, fine, gaps, possible, space.least_gap(1.0), hatched=False)
     _name_parameters(axis, [p.label for p in space.free], surrogate.task.units)
+    if len(found.tried):
+        axis.plot(*np.transpose(found.tried), ".", color="black", ms=3, alpha=0.6, zorder=3)
     for n, steps in enumerate(found.progress.history):
         way = np.array([step.design for step in steps] + [found.candidates[n].design])
         axis.plot(*way.T, ".-", color="white", lw=1, ms=5, mec="black", mew=0.4, zorder=3)
     axis.plot(*found.best, "*", color=COLOURS[1], ms=14, mec="white", zorder=4)
-    axis.set(title="path; grey: not allowed")
+    others = [one.design for one in found.candidates if one.design is not found.best]
+    if others and len(found.tried):
+        axis.plot(*np.transpose(others), "o", mfc="none", mec=COLOURS[1], mew=1.5, ms=8, zorder=4)
+    shown = "dots: tried; line: the best so far" if len(found.tried) else "path"
+    axis.set(title=f"{shown}; grey: not allowed")
 
 
 def plot_map(dataset: xr.Dataset) -> Figure:
