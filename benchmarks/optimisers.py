@@ -167,11 +167,11 @@ def problems() -> list[Problem]:
         Problem(
             "asymmetric, index 2, 6",
             Surrogate(_wrist(Circle(10.0), ("does",)), objective="index2"),
-            design_space(box, each | gap | {"joint_angle_1_deg": (70.0, 110.0)}, 20.0, 12.0),
+            design_space(box, ONE_SIDED | {"link_length_1": (300.0, 600.0)}, 20.0, 12.0),
             [
-                (10, 100, 10, 100, 200, 90),
-                (-20, 50, 0, 100, 300, 80),
-                (30, 60, 0, 150, 150, 100),
+                (10, 100, 10, 100, 200, 500),
+                (-20, 50, 0, 100, 300, 400),
+                (30, 60, 0, 150, 150, 600),
             ],
             8.0,
         ),

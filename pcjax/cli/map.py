@@ -1,4 +1,4 @@
-"""`pcjax map`: the score over two parameters of a hand."""
+"""`pcjax map`: the score over two parameters of a hand, or other numbers of a study."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from pcjax.cli.parts import (
     settle_outputs,
     whole,
 )
-from pcjax.design.map import MapPlan
-from pcjax.design.parameters import labelled
-from pcjax.design.space import DesignSpace, design_space
+from pcjax.design.map import MapPlan, Number
+from pcjax.design.parameters import Parameter, labelled, parameter
+from pcjax.design.space import DesignSpace
 from pcjax.importing import xr
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import OBJECTIVES, Surrogate
@@ -39,6 +39,8 @@ from pcjax.results.saving import save_dataset, save_text
 from pcjax.results.schema import length_unit_of, place_of
 from pcjax.results.tables import estimate_text, in_columns, wrapped
 from pcjax.study.evaluate import as_attribute
+from pcjax.study.spec import Study
+from pcjax.study.vary import names, unit_of
 from pcjax.units import with_unit
 
 _DATA = (".nc", ".csv")
@@ -48,7 +50,14 @@ def add_map(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
     add_condition(parser)
     add = parser.add_argument
-    for side, which, more in (("x", 0, f": {PARAMETERS}"), ("y", 1, "; as for --x")):
+    for side, which, more in (
+        (
+            "x",
+            0,
+            f": {PARAMETERS}; or of the object, the drive or the contact, such as radius=10:40",
+        ),
+        ("y", 1, "; as for --x"),
+    ):
         wrist, arm = (("fingertip-angle", "joint-angle-1"), ("fingertip-length", "joint-angle-2"))[
             which
         ]
@@ -99,29 +108,31 @@ def _run(arguments: argparse.Namespace) -> None:
     check_picture(arguments.plot)
     check_data(arguments.out, _DATA)
     study = condition(arguments)
-    sides = [
-        (labelled(name), bounds)
-        for name, bounds in (
-            given or (usual, None)
-            for given, usual in zip(
-                (arguments.x, arguments.y), usual_parameters(study), strict=True
-            )
-        )
-    ]
-    if len(dict(sides)) < 2:
-        raise ValueError(f"--x and --y are both {sides[0][0]}: they have to differ")
-    space = design_space(
-        study.hand, dict(sides), float(study.body.width), 0.0, (), study.directions
-    )
-    task = task_of(study)
+    usual = usual_parameters(study)
+    asked = (arguments.x or (usual[0], None), arguments.y or (usual[1], None))
+    sides = [_side(study, name, bounds) for name, bounds in asked]
+    if sides[0].label == sides[1].label:
+        raise ValueError(f"--x and --y are both {sides[0].label}: they have to differ")
+    free = [side for side in sides if isinstance(side, Parameter)]
+    # Where neither is the hand's, that stays as it is: one length of it stands for all.
+    free = free or [parameter("link_length_11", study.hand)]
+    space = DesignSpace(study.hand, tuple(free), 0.0, float(study.body.width), (), study.directions)
     surrogate = Surrogate(
-        task,
+        task_of(study),
         objective=arguments.objective,
         form="exact",
         trials=arguments.trials_each,
         dt=study.run.dt,
     )
-    plan = MapPlan.of(surrogate, space, arguments.points, seed=study.run.seed)
+    plan = MapPlan.of(
+        surrogate,
+        space,
+        arguments.points,
+        seed=study.run.seed,
+        sides=sides,
+        task_at=lambda values: task_of(study.having(values)),
+    )
+    task = plan.task
     print(
         f"{plan.hands:,} of {math.prod(arguments.points):,} hands have a score; each with "
         f"{surrogate.trials:,} trials in {' and '.join(task.directions)}: "
@@ -137,13 +148,39 @@ def _run(arguments: argparse.Namespace) -> None:
             save_dataset(data, arguments.out)
     save_picture("view.designs.plot_map", data, arguments.plot)
     if arguments.json:
-        print(json.dumps(as_json(data, space)))
+        print(json.dumps(as_json(data, [side.label for side in sides])))
     else:
         print(map_text(data))
         print(f"{data.attrs['wall_seconds']:.1f} s; picture: {arguments.plot}")
 
 
-def as_json(data: xr.Dataset, space: DesignSpace) -> dict[str, Any]:
+def _side(study: Study, name: str, bounds: tuple[float, float] | None) -> Parameter | Number:
+    """What is along a side: a parameter of the hand, or a number of the study's."""
+    label = labelled(name).replace("-", "_")
+    known = names(study.components)
+    label = f"{label}_deg" if f"{label}_deg" in known else label
+    if label != "start_spread" and label not in known:
+        return parameter(label, study.hand, *(bounds or (None, None)))
+    if label == "start_spread":
+        current: float | None = study.run.start_spread
+    else:
+        table, what = known[label]
+        current = what.to_file(getattr(study.components[table], what.name))
+    if not isinstance(current, (int, float)):  # none, such as a friction, or a word
+        current = math.nan
+    if bounds is None:
+        if not current > 0:
+            raise ValueError(f"{name} needs bounds, such as {name}=0:0.5")
+        bounds = 0.5 * current, 1.5 * current
+    low, high = bounds
+    if not low < high:
+        raise ValueError(f"{name} is free from {low:g} to {high:g}: the bounds are out of order")
+    for value in bounds:
+        study.having({label: value})
+    return Number(label, low, high, current, unit_of(label, study.components, study.units))
+
+
+def as_json(data: xr.Dataset, labels: Sequence[str]) -> dict[str, Any]:
     """The map as one JSON object; what has no score is null."""
 
     def plain(values: Any) -> Any:
@@ -151,18 +188,17 @@ def as_json(data: xr.Dataset, space: DesignSpace) -> dict[str, Any]:
             return [plain(value) for value in values]
         return values if math.isfinite(values) else None
 
-    x, y = space.free
     best, attrs, estimates = _best(data), data.attrs, data.score.isel(index=0)
     current = None
     if "current_score" in attrs:
         current = {
-            "parameters": {p.label: attrs[f"current_{p.label}"] for p in space.free},
+            "parameters": {label: attrs[f"current_{label}"] for label in labels},
             "score": {"value": plain(attrs["current_score"]), "se": plain(attrs["current_se"])},
         }
     return {
         **{
-            side: {"parameter": p.label, "values": data[p.label].values.tolist()}
-            for side, p in (("x", x), ("y", y))
+            side: {"parameter": label, "values": data[label].values.tolist()}
+            for side, label in zip("xy", labels, strict=True)
         },
         **{
             name: plain(estimates.sel(statistic=of).values.tolist())
@@ -171,7 +207,7 @@ def as_json(data: xr.Dataset, space: DesignSpace) -> dict[str, Any]:
         "gap": plain(data.gap.values.tolist()),
         **{name: data[name].values.tolist() for name in ("full_cage", "possible")},
         "best": {
-            "parameters": {p.label: float(best[p.label]) for p in space.free},
+            "parameters": {label: float(best[label]) for label in labels},
             "score": {"value": float(best[0]), "se": float(best[1])},
         },
         "current": current,
@@ -186,21 +222,23 @@ def as_json(data: xr.Dataset, space: DesignSpace) -> dict[str, Any]:
 def map_text(data: xr.Dataset) -> str:
     """The best hand of a map and the current one."""
     best, attrs = _best(data), data.attrs
-    names = [str(name) for name in reversed(place_of(data))]
+    labels = [str(name) for name in reversed(place_of(data))]
     units = length_unit_of(data)
 
-    def place(values: Sequence[float]) -> str:
-        return ", ".join(
-            f"{name[:-4]} {value:.4g} deg"
-            if name.endswith("_deg")
-            else f"{name} {with_unit(value, units)}"
-            for name, value in zip(names, values, strict=True)
-        )
+    def one(name: str, value: float) -> str:
+        if name.endswith("_deg"):
+            return f"{name[:-4]} {value:.4g} deg"
+        unit = data[name].attrs.get("units")  # of what is no length of the hand
+        told = "" if unit in (None, "1") else f" {unit}"
+        return f"{name} {value:.4g}{told}" if unit else f"{name} {with_unit(value, units)}"
 
-    rows = [["best", _score_text(*best.values[:2]), place([float(best[name]) for name in names])]]
+    def place(values: Sequence[float]) -> str:
+        return ", ".join(map(one, labels, values))
+
+    rows = [["best", _score_text(*best.values[:2]), place([float(best[name]) for name in labels])]]
     if "current_score" in attrs:
         score = _score_text(attrs["current_score"], attrs["current_se"])
-        rows.append(["current", score, place([attrs[f"current_{name}"] for name in names])])
+        rows.append(["current", score, place([attrs[f"current_{name}"] for name in labels])])
     heads = [f"of {attrs['hands']:,} hands", attrs["score_name"], "at"]
     text = in_columns(heads, rows, left=[0, 2])
     if "current_score" in attrs:

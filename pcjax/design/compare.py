@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from pcjax.design.space import Design, DesignSpace
 from pcjax.model.hand import HandDesign
+from pcjax.model.scenario import Scenario
 from pcjax.physics.state import PAPER_DT
-from pcjax.progress import progress_bar
 from pcjax.quality.indices import UNDEFINED, Estimate, extremes
 from pcjax.quality.surrogate import Sample, Surrogate
 
@@ -165,29 +166,28 @@ def comparison_of(exact: Surrogate, sample: Sample) -> Comparison:
 
 def score_all(
     surrogate: Surrogate,
-    space: DesignSpace,
-    designs: Sequence[Design],
+    each: list[list[Scenario]],
     *,
     seed: int,
-    progress: bool = False,
+    on_done: Callable[[int], Any] = lambda count: None,
 ) -> tuple[list[Estimate], int]:
-    """The exact scores of any number of designs, `surrogate.trials` each; a bar if wanted.
+    """The exact scores of any number of hands, `surrogate.trials` each.
+
+    Arguments:
+        surrogate: whose objective, directions and limit count.
+        each: the scenarios of each hand, as `Task.scenarios` gives them.
+        seed: trial i is the same experiment for every hand.
+        on_done: told how many more are done.
 
     Returns:
         The scores, and how many trials went wrong and were left out.
     """
+    exact = replace(surrogate, form="exact")
     scores: list[Estimate] = []
     invalid = 0
-    with progress_bar(
-        total=len(designs),
-        desc="designs",
-        unit="design",
-        shown=progress,
-    ) as bar:
-        for first in range(0, len(designs), _BATCH):
-            some = designs[first : first + _BATCH]
-            found = compare(surrogate, space, some, trials=surrogate.trials, seed=seed)
-            scores += found.scores
-            invalid += found.invalid
-            bar.update(len(some))
+    for first in range(0, len(each), _BATCH):
+        sample = exact.sample_scenarios(each[first : first + _BATCH], seed)
+        scores += comparison_of(exact, sample).scores
+        invalid += sample.invalid
+        on_done(min(_BATCH, len(each) - first))
     return scores, invalid

@@ -11,6 +11,7 @@ import itertools
 import math
 import time
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import numpy as np
 from jaxtyping import Float
@@ -31,24 +32,33 @@ _GENERATIONS = 44
 """Of CMA-ES at most, unless given."""
 
 
+class _Bounded(Protocol):
+    @property
+    def name(self) -> str: ...
+    @property
+    def low(self) -> float: ...
+    @property
+    def high(self) -> float: ...
+
+
 def grid_lines(
-    space: DesignSpace, points: Sequence[int] | None = None
+    free: Sequence[_Bounded], points: Sequence[int] | None = None
 ) -> list[Float[np.ndarray, " _"]]:
     """Values of each parameter, from bound to bound, whose combinations are a grid's designs.
 
     Arguments:
-        space: of the designs.
+        free: the parameters.
         points: along each parameter; 11 each unless given.
 
     Raises:
         ValueError: a grid too large.
     """
-    points = [11] * len(space.free) if points is None else list(points)
-    for p, count in zip(space.free, points, strict=True):
+    points = [11] * len(free) if points is None else list(points)
+    for p, count in zip(free, points, strict=True):
         check_count(f"grid points of {p.name}", count, 1, _MOST_DESIGNS)
     total = int(np.prod(points))
     check_count("designs on the grid", total, 1, _MOST_DESIGNS)
-    return [np.linspace(p.low, p.high, count) for p, count in zip(space.free, points, strict=True)]
+    return [np.linspace(p.low, p.high, count) for p, count in zip(free, points, strict=True)]
 
 
 def search_grid(
@@ -72,14 +82,16 @@ def search_grid(
         ValueError: a grid too large, or without an allowed design.
     """
     space = space.holding(surrogate.task)
-    designs = np.array(list(itertools.product(*grid_lines(space, points))))
+    designs = np.array(list(itertools.product(*grid_lines(space.free, points))))
     allowed = list(designs[space.which(designs)])
     if not allowed:
         raise ValueError("no design on the grid is allowed: take more points, or other bounds")
     (begun,) = starting_designs(space, 1, settings.seed)
     start = given_start(surrogate, space, begun)
     began = time.perf_counter()
-    scores, invalid = score_all(surrogate, space, allowed, seed=settings.seed, progress=progress)
+    with progress_bar(total=len(allowed), desc="designs", unit="design", shown=progress) as bar:
+        each = surrogate.task.scenarios_of(list(map(space.hand, allowed)))
+        scores, invalid = score_all(surrogate, each, seed=settings.seed, on_done=bar.update)
     best = allowed[int(np.argmax([score.value for score in scores]))]
     spent = Progress(
         [],

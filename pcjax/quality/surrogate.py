@@ -192,7 +192,16 @@ class Surrogate:
             wrong = np.concatenate([part[1] for part in parts])
         else:
             values, wrong = self._sample_horizon(each, seed)
-        return Sample(values, np.logical_not(wrong.any(axis=0)), int(wrong.sum(axis=1).max()))
+        return _sample_of(values, wrong)
+
+    def sample_scenarios(self, each: list[list[Scenario]], seed: int) -> Sample:
+        """The same of any hands' scenarios, whatever their tasks; nothing is softened.
+
+        Arguments:
+            each: of each hand, as `Task.scenarios` gives them; the limit is this task's.
+            seed: trial i depends on (seed, i) alone.
+        """
+        return _sample_of(*self._sample_horizon(each, seed))
 
     def engine(self, scenarios: Sequence[Scenario]) -> LaneEngine:
         """The engine of choice for all of these, with this goal layer."""
@@ -379,6 +388,10 @@ class Surrogate:
 
     def _static(self) -> tuple[str, bool, int, float]:
         return self.objective, self.form == "cloud", self.periods, self.task.drive.period
+
+
+def _sample_of(values: np.ndarray, wrong: np.ndarray) -> Sample:
+    return Sample(values, np.logical_not(wrong.any(axis=0)), int(wrong.sum(axis=1).max()))
 
 
 def _log_quality(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -192,9 +192,10 @@ def plot_map(dataset: xr.Dataset) -> Figure:
     attrs = dataset.attrs
     _draw_score(axis, xs, ys, score, attrs["score_name"])
     fine = "_fine" if "gap_fine" in dataset else ""  # earlier maps have the coarse grid alone
-    if "object_width" in attrs:
+    units = {label: dataset[label].attrs.get("units") for label in labels}
+    if "object_width" in attrs and not any(units.values()):
         gaps, least = dataset[f"gap{fine}"].values, float(attrs["object_width"])
-    else:  # one from a table, which says only where it is a full cage
+    else:  # from a table, or of several objects: it says only where there is a full cage
         gaps, least = np.where(dataset.full_cage.values, 0.0, 1.0), 0.5
     handles = _draw_regions(
         axis,
@@ -204,7 +205,7 @@ def plot_map(dataset: xr.Dataset) -> Figure:
         least,
         hatched=True,
     )
-    _name_parameters(axis, labels, length_unit_of(dataset))
+    _name_parameters(axis, labels, length_unit_of(dataset), units)
     row, column = np.unravel_index(np.nanargmax(score), score.shape)
     marks: list[tuple[Any, ...]] = [
         ("best", xs[column], ys[row], "o", score[row, column], float(errors[row, column]))
@@ -264,9 +265,14 @@ def _draw_regions(
     return handles
 
 
-def _name_parameters(axis: Axes, labels: Sequence[str], units: str) -> None:
-    """Parameters' labels in words."""
-    words = [
-        label.removesuffix("_deg").replace("_", " ") + in_brackets(label, units) for label in labels
-    ]
+def _name_parameters(
+    axis: Axes, labels: Sequence[str], units: str, others: Mapping[str, str | None] | None = None
+) -> None:
+    """Parameters' labels in words; `others` has the units of those that are no lengths."""
+    words = []
+    for label in labels:
+        brackets, other = in_brackets(label, units), (others or {}).get(label)
+        if other and not label.endswith("_deg"):
+            brackets = "" if other == "1" else f" [{other}]"
+        words.append(label.removesuffix("_deg").replace("_", " ") + brackets)
     axis.set(xlabel=words[0], ylabel=words[1])
