@@ -20,6 +20,7 @@ import pcjax
 from pcjax.cli import main
 from pcjax.design.compare import compare
 from pcjax.model.checking import check_geometry
+from pcjax.results.reading import load_dataset
 from pcjax.results.saving import save_dataset
 from pcjax.view import designs
 
@@ -69,7 +70,7 @@ def test_a_searchs_map_scores_each_hand_as_if_it_were_alone(
     best = np.array([10.0, 2.8])
     progress = SimpleNamespace(history=[[]])
     found: Any = SimpleNamespace(
-        best=best, progress=progress, candidates=[SimpleNamespace(design=best)]
+        best=best, progress=progress, candidates=[SimpleNamespace(design=best)], tried=()
     )
     drawn: list[np.ndarray] = []
     draw = designs._draw_score
@@ -209,3 +210,49 @@ def test_a_map_is_drawn_again_from_its_file(
     # As they were before they held the finer grid.
     earlier = data.drop_dims([str(dim) for dim in data.gap_fine.dims])
     assert pcjax.plot_map(earlier).axes
+
+
+def test_a_map_of_the_objects_size_is_that_of_each_object(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Radii and angles: each score as by `compare` with that object, closed where it does not pass,
+    and the picture names the unit."""
+    monkeypatch.chdir(tmp_path)
+    line = (
+        "map --x fingertip-angle=0:30 --y radius=20:80 --points 2 3 --trials 20 "
+        "--max-steps 20_000 --json --out map.nc"
+    )
+    main(line.split())
+    told = json.loads(capsys.readouterr().out)
+    assert told["y"] == {"parameter": "radius", "values": [20.0, 50.0, 80.0]}
+    # A gap of 200 with fingertips of 100 at 30 degrees leaves 100.
+    assert told["full_cage"] == [[False, False], [False, False], [False, True]]
+    assert told["score"][2][1] is None
+    assert told["current"]["parameters"] == {
+        "fingertip_angle_deg": pytest.approx(10.0),
+        "radius": pytest.approx(25.0),
+    }
+    for row, radius in enumerate((20.0, 50.0)):
+        for column, angle in enumerate((0.0, 30.0)):
+            hand = pcjax.box_hand(math.radians(angle))
+            found = pcjax.evaluate(hand, pcjax.Circle(radius), trials=20, max_steps=20_000)
+            score = found.score()["index1"].value
+            assert told["score"][row][column] == pytest.approx(score, rel=1e-4)
+    figure = pcjax.plot_map(load_dataset(tmp_path / "map.nc"))
+    assert figure.axes[0].get_ylabel() == "radius [model length]"
+
+
+def test_a_map_may_have_nothing_of_the_hand(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    line = (
+        "map --x start-spread=0:0.1 --y restitution=0:0.5 --points 2 2 --trials 20 "
+        "--max-steps 20_000 --json"
+    )
+    main(line.split())
+    told = json.loads(capsys.readouterr().out)
+    assert [told[side]["parameter"] for side in "xy"] == ["start_spread", "restitution"]
+    law = pcjax.ContactLaw(restitution=0.5)
+    found = pcjax.evaluate(law=law, start_spread=0.1, trials=20, max_steps=20_000)
+    assert told["score"][1][1] == pytest.approx(found.score()["index1"].value, rel=1e-4)

@@ -186,6 +186,7 @@ class Hills(Search):
     designs of a batch share for the most part."""
 
     def height(self, at: np.ndarray) -> np.ndarray:
+        at = at[:, :2]  # others do nothing
         low = 0.6 * np.exp(-((at - [0.25, 0.3]) ** 2).sum(axis=1) / 0.08)
         return low + 0.9 * np.exp(-((at - [0.8, 0.75]) ** 2).sum(axis=1) / 0.05)
 
@@ -198,13 +199,15 @@ class Hills(Search):
         return Batch(at, logs, noise, count), 0
 
 
-def search_hills(seed: int, rounds: int) -> tuple[Hills, Belief]:
-    wide = design_space(
-        pcjax.box_hand(), {"fingertip_angle_deg": (-30.0, 0.0), "fingertip_length": (25, 175)}, 50.0
-    )
+def search_hills(
+    seed: int, rounds: int, others: dict[str, tuple[float, float]] | None = None
+) -> tuple[Hills, Belief]:
+    free = {"fingertip_angle_deg": (-30.0, 0.0), "fingertip_length": (25.0, 175.0)}
+    wide = design_space(pcjax.box_hand(), free | (others or {}), 50.0)
     search = Hills(Surrogate(TASK, trials=1000), wide.holding(TASK), seed)
     belief = Belief(search.surrogate)
-    state = Progress([[]], [list(search.design(np.array([0.2, 0.2])))], [])
+    begin = np.full(len(wide.free), 0.2)
+    state = Progress([[]], [list(search.design(begin))], [])
     for _ in range(rounds):
         state = search.round(belief, state)
     return search, belief
@@ -218,6 +221,17 @@ def test_both_hills_are_found_and_the_higher_one_is_told_from_the_lower(seed: in
     # Within 1 % of the height that can be had.
     assert search.height(top[None])[0] > search.height(np.array([[0.8, 0.75]]))[0] - 0.01
     assert any(np.max(np.abs(search.place(o[0]) - [0.25, 0.3])) < 0.12 for o in others)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_parameters_that_do_nothing_do_no_harm(seed: int) -> None:
+    """Two of them, one over hundredths of a unit and one over hundreds."""
+    nothing = {"thickness": (0.0, 0.02), "link_length_1": (400.0, 900.0)}
+    search, belief = search_hills(seed, 14, nothing)
+    (top,), *_ = search.best(belief)
+    assert search.height(top[None])[0] > search.height(np.array([[0.8, 0.75]]))[0] - 0.03
+    lengths = belief.kernels[0].log_lengths
+    assert min(lengths[2:]) > max(lengths[:2]) + 0.7  # twice as long at least
 
 
 def test_a_search_ends_when_it_expects_no_gain() -> None:

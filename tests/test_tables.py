@@ -16,6 +16,7 @@ import pcjax
 from pcjax.cli import main
 from pcjax.cli.map import map_text
 from pcjax.cli.optimize import as_text
+from pcjax.design.outcome import Candidate, Part
 from pcjax.paper.claims import Claim, judge_claims
 from pcjax.paper.tables import figure_table
 from pcjax.results.map_csv import load_map_csv, map_as_csv
@@ -183,14 +184,22 @@ def test_an_optimum_fits() -> None:
         best_score=estimate,
         improvement=estimate,
         better=True,
-        candidates=[(design, estimate)] * 2,
+        candidates=[Candidate(design + k, estimate, estimate) for k in (0, 1)],
+        certainty=0.5,
+        parts=[Part(estimate, estimate, estimate)],
         progress=SimpleNamespace(iteration=100, history=[[], []]),
         invalid=12_345,
         interrupted=True,
         trials=100_000_000,
     )
-    text = fits(as_text(cast(Any, found), space, pcjax.Surrogate(task), 12_345.6))
+    text = fits(
+        as_text(
+            cast(Any, found), space, pcjax.Surrogate(task), [{"amplitude_deg": 12.3456}], 12_345.6
+        )
+    )
     assert "fingertip_length_2" in text
+    assert "another end" in text
+    assert "amplitude_deg 12.3456" in text
 
 
 def test_an_inspection_fits() -> None:

@@ -11,7 +11,7 @@ import itertools
 import math
 import time
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -32,6 +32,7 @@ _GENERATIONS = 44
 """Of CMA-ES at most, unless given."""
 
 
+@runtime_checkable
 class _Bounded(Protocol):
     @property
     def name(self) -> str: ...
