@@ -176,9 +176,9 @@ def parts(trials: int) -> dict[str, Any]:
         if problem.name not in names:
             continue
         ends, rows = [], []
-        for start, (name, kind) in itertools.product(range(3), KINDS.items()):
-            mine = replace(problem.start(start), seconds=0.5 * problem.seconds)
-            ends.append(searched(mine, kind, 1000 * start))
+        for seed, (name, kind) in itertools.product(range(6), KINDS.items()):
+            mine = replace(problem.start(start := seed % 3), seconds=0.5 * problem.seconds)
+            ends.append(searched(mine, kind, 1000 * seed))
             rows.append({"start": start, "kind": name})
         final = compare(problem.surrogate, problem.space, ends, trials=10 * trials, seed=UNSEEN)
         top = int(np.argmax(final.logs))
