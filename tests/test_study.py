@@ -394,3 +394,46 @@ def test_what_is_wrong_is_said_in_one_line(text: str, words: str, tmp_path: Path
         read(text, tmp_path)
     assert re.search(r"study\.toml(, line \d+)?(: | is no TOML)", str(caught.value))
     assert "\n" not in str(caught.value)
+
+
+# -------------------------------------------------------------------------------------- objective
+
+
+def test_an_objective_is_read_written_and_varied(tmp_path: Path) -> None:
+    path = tmp_path / "robust.toml"
+    path.write_text(
+        "[objective]\nradius = [10, 25]\ngravity = { from = 5, to = 10, step = 5 }\n"
+        "weights = [1, 2, 3, 4]\n"
+    )
+    study = load_study(path)
+    assert study.objective.over == {"radius": (10.0, 25.0), "gravity": (5.0, 10.0)}
+    told = [(float(one.body.radius), float(one.drive.gravity)) for one in study.objective_studies()]
+    assert told == [(10.0, 5.0), (10.0, 10.0), (25.0, 5.0), (25.0, 10.0)]
+    path.write_text(study.to_toml())
+    assert load_study(path).objective == study.objective
+    path.write_text('[objective]\nfriction = [0.1, 0.5]\nof = "worst"\n')
+    assert load_study(path).objective.worst
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("radius = []", "radius has no values"),
+        ("radius = [5, 5]", "radius has a value twice"),
+        ("radius = 5", "list of numbers"),
+        ("radius = [5, -5]", "radius"),
+        ("radius = [5, 6]\nweights = [1]", "1 weights for 2 conditions"),
+        ("radius = [5, 6]\nweights = [1, 0]", "weight is 0"),
+        ('radius = [5, 6]\nweights = [1, 1]\nof = "worst"', "worst counts"),
+        ('of = "best"', "of is 'best'"),
+        ("fingertip_length = [50, 60]", "hand that is looked for"),
+        ("radus = [5, 6]", "did you mean radius"),
+    ],
+)
+def test_a_wrong_objective_is_refused_with_its_line(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "robust.toml"
+    path.write_text(f"[objective]\n{text}\n")
+    with pytest.raises(ValueError, match=words) as caught:
+        load_study(path)
+    assert "[objective]" in str(caught.value)
+    assert "line" in str(caught.value)

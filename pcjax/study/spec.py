@@ -394,15 +394,17 @@ class Study:
         """
         found = []
         for point in self.objective.points():
-            try:
-                study = self.having(point)
-            except ValueError as error:
-                raise ValueError(f"[objective] {next(iter(point))}: {error}") from None
-            if study.hand is not self.hand:
-                raise ValueError(
-                    f"[objective] {', '.join(point)}: it is the hand that is looked for; name "
-                    "numbers of the object, the drive or the contact"
-                )
+            study = self
+            for name, value in point.items():
+                try:
+                    study = study.having({name: value})
+                except ValueError as error:
+                    raise ValueError(f"[objective] {name}: {error}") from None
+                if study.hand is not self.hand:
+                    raise ValueError(
+                        f"[objective] {name}: it is the hand that is looked for; name numbers of "
+                        "the object, the drive or the contact"
+                    )
             found.append(study)
         return found
 
