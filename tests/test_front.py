@@ -115,3 +115,14 @@ def test_the_command_prints_a_front(capsys: pytest.CaptureFixture[str], tmp_path
     table = capsys.readouterr().out.splitlines()
     assert table[0].split()[-3:] == ["EoEn", "by", "index1"]
     assert sum(row.startswith("start ") for row in table) == 1
+
+
+def test_a_search_that_is_interrupted_at_once_has_no_front(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def interrupted(*_: Any) -> Any:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(_FrontSearch, "try_out", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        trade_off(Surrogate(TASK), SPACE, FEW)

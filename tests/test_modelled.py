@@ -350,6 +350,11 @@ def test_tasks_that_do_not_go_together_are_refused(change: dict[str, Any], words
         replace(TASK, **change)
 
 
+def test_a_map_is_of_one_condition() -> None:
+    with pytest.raises(ValueError, match="one condition"):
+        pcjax.score_map(Surrogate(several()), TIPS, (2, 2))
+
+
 def test_the_limit_of_held_trials_is_the_tasks() -> None:
     """Means of seconds are at most the limit, in each condition: the bounds know it."""
     found = compare(Surrogate(several()), TIPS, [np.array([40.0, 84.0])], trials=20, seed=2)

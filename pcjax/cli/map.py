@@ -39,7 +39,7 @@ from pcjax.results.saving import save_dataset, save_text
 from pcjax.results.schema import length_unit_of, place_of
 from pcjax.results.tables import estimate_text, in_columns, wrapped
 from pcjax.study.evaluate import as_attribute
-from pcjax.study.spec import Study
+from pcjax.study.spec import Objective, Study
 from pcjax.study.vary import names, unit_of
 from pcjax.units import with_unit
 
@@ -107,7 +107,7 @@ def _run(arguments: argparse.Namespace) -> None:
     settle_outputs(arguments)
     check_picture(arguments.plot)
     check_data(arguments.out, _DATA)
-    study = condition(arguments)
+    study = replace(condition(arguments), objective=Objective())  # that of one best hand
     usual = usual_parameters(study)
     asked = (arguments.x or (usual[0], None), arguments.y or (usual[1], None))
     sides = [_side(study, name, bounds) for name, bounds in asked]

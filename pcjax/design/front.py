@@ -176,6 +176,8 @@ def trade_off(
         progress=progress,
         enough=lambda: False,
     )
+    if not belief.batches:
+        raise KeyboardInterrupt  # before anything was seen
     names = f"DoEs by {surrogate.objective}", f"EoEn by {surrogate.objective}"
     if task.also:
         names = "score in condition 1", "score in condition 2"

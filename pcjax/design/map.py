@@ -136,6 +136,8 @@ class MapPlan:
             task_at: see the class.
         """
         check_count("seed", seed, 0, 2**32 - 1)
+        if surrogate.task.also:
+            raise ValueError("a map is of one condition, and the task has several")
         sides = tuple(space.free if sides is None else sides)
         if len(sides) != 2:
             raise ValueError(f"a map needs two free parameters, and there are {len(sides)}")

@@ -251,6 +251,8 @@ class Search:
         sample = exact.sample([self.space.hand(one) for one in self.design(at)], self.seed + round)
         logs, influences = exact.appraise(sample)
         count = influences.shape[2]
+        if count < 2:
+            raise ValueError("fewer than two trials went right with every design: try a smaller dt")
         noise = influences @ influences.transpose(0, 2, 1) / (count * (count - 1))
         doubt = exact.doubt(sample.means(), count)
         noise += doubt.T[:, :, None] * np.eye(len(at))
