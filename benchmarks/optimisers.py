@@ -418,7 +418,7 @@ def main() -> None:
 def draw(rows: Sequence[dict[str, Any]]) -> Figure:
     """How far below the best end each one is, problem by problem; a hundredth of a per cent at
     least."""
-    figure = Figure(figsize=(13, 5.2), layout="constrained")
+    figure = Figure(figsize=(15.5, 5.2), layout="constrained")
     axis = figure.subplots()
     names = list(dict.fromkeys(row["problem"] for row in rows))
     methods = list(dict.fromkeys(row["method"] for row in rows))
