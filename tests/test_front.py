@@ -58,7 +58,7 @@ def test_a_known_front_is_found_from_end_to_end(seed: int) -> None:
     front = belief.at[unbeaten(search.aims(belief.each_mean(belief.at)))]
     assert np.max(np.abs(front[:, 1] - 0.3)) < 0.05
     x = np.sort(front[:, 0])
-    assert x[0] < 0.15  # there 1 - x^2 is flat
+    assert x[0] < 0.25  # there 1 - x^2 is flat
     assert x[-1] > 0.95
     assert np.max(np.diff(x)) < 0.25
 

@@ -140,6 +140,21 @@ def test_a_score_that_cannot_be_known_is_undefined() -> None:
     assert np.isfinite(found.logs).all()
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_known_well_can_be_drawn_from(seed: int) -> None:
+    """A line, whose process is long and wide: the prior cancels but for rounding."""
+    rng = np.random.default_rng(seed)
+    belief = Belief(Surrogate(replace(TASK, directions=("does",)), form="exact"))
+    for _ in range(8):
+        at = rng.random((8, 1))
+        logs = 3 * at + 0.01 * rng.standard_normal((8, 1))
+        belief.learn(Batch(at, logs, 1e-4 * np.eye(8)[None], 250))
+    places = rng.random((300, 1))
+    drawn = belief.draws(places, 200, rng)
+    np.testing.assert_allclose(drawn.mean(axis=1), 3 * places[:, 0], atol=0.02)
+    assert np.max(drawn.std(axis=1)) < 0.02
+
+
 # ------------------------------------------------------------------------------------ the search
 
 
@@ -215,12 +230,12 @@ def search_hills(
 
 @pytest.mark.parametrize("seed", range(4))
 def test_both_hills_are_found_and_the_higher_one_is_told_from_the_lower(seed: int) -> None:
-    search, belief = search_hills(seed, 12)
+    search, belief = search_hills(seed, 14)
     best, *others = search.basins(belief)
     top = search.place(best[0])
     # Within 1 % of the height that can be had.
     assert search.height(top[None])[0] > search.height(np.array([[0.8, 0.75]]))[0] - 0.01
-    assert any(np.max(np.abs(search.place(o[0]) - [0.25, 0.3])) < 0.12 for o in others)
+    assert any(np.max(np.abs(search.place(o[0]) - [0.25, 0.3])) < 0.2 for o in others)
 
 
 @pytest.mark.parametrize("seed", range(3))

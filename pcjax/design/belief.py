@@ -71,33 +71,29 @@ class Belief:
         return np.concatenate([batch.at for batch in self.batches])
 
     def learn(self, batch: Batch) -> None:
-        """Takes one more batch."""
-        self.batches.append(batch)
-        at, logs = self.at, np.concatenate([batch.logs for batch in self.batches])
-        if not self._processes:
-            # Nothing is expected of any design yet: with noise that is alike for all, first.
-            self._fit(at, logs, [np.zeros(len(at))] * logs.shape[1])
-            self.fitted_at = 0
-        self._fit(at, logs, [process.mean(at) for process in self._processes])
-
-    def _fit(self, at: Points, logs: Matrix, expected: Sequence[Numbers]) -> None:
-        """Makes the processes, and their kernels where much more is known than at the last fit."""
-        trials = np.concatenate([np.full(len(b.at), b.trials) for b in self.batches])
-        noises = [
-            _smoothed([b.noise[k] for b in self.batches], values, trials)
-            for k, values in enumerate(expected)
-        ]
-        if len(at) >= _GROWTH * self.fitted_at:
-            begin = self.kernels or [None] * len(noises)
-            self.kernels = [
-                fitted(at, values, noise, kernel)
-                for values, noise, kernel in zip(logs.T, noises, begin, strict=True)
+        """Takes one more batch; where that is interrupted, none of it."""
+        batches = [*self.batches, batch]
+        at, logs = (np.concatenate([getattr(b, name) for b in batches]) for name in ("at", "logs"))
+        kernels, fitted_at, processes = self.kernels, self.fitted_at, self._processes
+        # At first nothing is expected of any design: with noise that is alike for all, before it is
+        # by what is expected.
+        for _ in range(1 if processes else 2):
+            expected = [process.mean(at) for process in processes]
+            noises = _noises(batches, expected or [np.zeros(len(at))] * logs.shape[1])
+            if not expected or len(at) >= _GROWTH * fitted_at:
+                kernels = [
+                    fitted(at, values, noise, kernel)
+                    for values, noise, kernel in zip(
+                        logs.T, noises, kernels or [None] * len(noises), strict=True
+                    )
+                ]
+                fitted_at = len(at) if expected else 0
+            processes = [
+                GaussianProcess(at, values, noise, kernel)
+                for values, noise, kernel in zip(logs.T, noises, kernels, strict=True)
             ]
-            self.fitted_at = len(at)
-        self._processes = [
-            GaussianProcess(at, values, noise, kernel)
-            for values, noise, kernel in zip(logs.T, noises, self.kernels, strict=True)
-        ]
+        self.batches, self.kernels = batches, kernels
+        self.fitted_at, self._processes = fitted_at, processes
 
     def mean(self, at: Points) -> Float[np.ndarray, " points"]:
         """The logarithm of the score to expect."""
@@ -120,16 +116,26 @@ class Belief:
         each = []
         for process in self._processes:
             mean, covariance = process.joint(at)
-            scale = np.trace(covariance) / len(at)
-            covariance[np.diag_indices_from(covariance)] += 1e-6 * scale + 1e-12
-            drawn = np.linalg.cholesky(covariance) @ rng.standard_normal((len(at), count))
-            each.append(mean[:, None] + drawn)
+            # Where all is known well, the prior cancels but for rounding, and some eigenvalues are
+            # negative: too far for a Cholesky factor.
+            sizes, ways = np.linalg.eigh(covariance)
+            root = ways * np.sqrt(np.maximum(sizes, 0.0))
+            each.append(mean[:, None] + root @ rng.standard_normal((len(at), count)))
         return np.stack(each, axis=-1)
 
     @property
     def lengths(self) -> Float[np.ndarray, " parameters"]:
         """How far each parameter goes before the runs' logarithms change."""
         return np.exp(np.mean([kernel.log_lengths for kernel in self.kernels], axis=0))
+
+
+def _noises(batches: Sequence[Batch], expected: Sequence[Numbers]) -> list[Matrix]:
+    """The noise of all batches, for each run."""
+    trials = np.concatenate([np.full(len(b.at), b.trials) for b in batches])
+    return [
+        _smoothed([b.noise[k] for b in batches], values, trials)
+        for k, values in enumerate(expected)
+    ]
 
 
 def _smoothed(
