@@ -498,9 +498,9 @@ def test_optimize_prints_one_object_and_keeps_a_hand_that_evaluate_reads(
     told = one_object(command(f"{line} --out best.toml --plot best.png"))
     assert list(told) == [
         *("start", "best", "improvement", "candidates", "certainty", "conditions"),
-        *("iterations", "trials", "invalid", "wall_seconds", "notes"),
+        *("iterations", "trials", "invalid", "interrupted", "wall_seconds", "notes"),
     ]
-    assert told["notes"] == []
+    assert (told["notes"], told["interrupted"]) == ([], False)
     assert told["start"].pop("moved") is False
     assert told["invalid"] == 0
     for side in ("start", "best"):
@@ -919,8 +919,14 @@ BAD_OPTIMIZE = [
     refused("optimize --front --out best.toml", "--out", "--front"),
     refused("optimize --front --scenario arm", "two aims", "DoEs"),
     refused("optimize --front --over radius=10,20,30", "two aims"),
+    refused("optimize --over radius=10,20 --weights 1,2 --worst", "--weights", "--worst"),
     refused("optimize --over radius", "'radius'", "radius=10,25,40"),
     refused("optimize --over radus=10,20", "radus", "did you mean radius"),
+    refused("optimize --over amplitude=20,20", "--over amplitude_deg", "twice"),
+    refused("optimize --over =1,2", "'=1,2'", "radius=10,25,40"),
+    refused("optimize --gain 0.1 --method cma", "--gain", "--method model"),
+    refused("optimize --grid-points 3", "--grid-points", "--method grid"),
+    refused("optimize --front --gain 0.1", "--gain", "--front"),
     refused("optimize --over radius=10,10", "radius", "twice"),
     refused("optimize --over radius=10,20 --over radius=30", "--over radius", "twice"),
     refused("optimize --over palm-length=400,500", "palm_length", "hand that is looked for"),

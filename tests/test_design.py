@@ -95,6 +95,21 @@ def test_the_nearest_allowed_design_is_allowed_and_near(angle: float, length: fl
         assert space.allowed(design) or gap < 75
 
 
+def test_a_search_from_a_hand_whose_limbs_cross_begins_at_the_nearest_of_many() -> None:
+    crossed = box_hand(fingertip_angle=np.deg2rad(80), fingertip_length=250.0)
+    space = design_space(
+        crossed, {"fingertip_angle_deg": (-30, 80), "fingertip_length": (50, 250)}, 50.0
+    )
+    with pytest.raises(ValueError, match="no allowed hand"):
+        space.nearest_allowed(space.design_of(crossed))
+    (begun,) = starting_designs(space, 1, 0)
+    assert space.allowed(begun)
+    assert begun[0] > 20  # not at the other end of the bounds
+    closed = replace(space, clearance=1000.0)
+    with pytest.raises(ValueError, match="no allowed hand"):
+        starting_designs(closed, 1, 0)
+
+
 def test_the_nearest_point_within_edges_is_a_projection() -> None:
     """Against brute force: no other allowed point is nearer."""
     rng = np.random.default_rng(3)

@@ -42,6 +42,25 @@ def space(
     return pcjax.design_space(hand, free, width, 0.0)
 
 
+def test_a_hand_whose_score_the_trials_cannot_tell_is_hatched() -> None:
+    data = pcjax.score_map(surrogate(), space(), (4, 3))
+    names = {text.get_text() for text in pcjax.plot_map(data).legends[0].texts}
+    assert "a score that is undefined" not in names
+    row, column = np.argwhere(np.isfinite(data.score.values[..., 0, 0]))[0]
+    data.score.values[row, column] = math.nan
+    names = {text.get_text() for text in pcjax.plot_map(data).legends[0].texts}
+    assert "a score that is undefined" in names
+
+
+def test_a_map_without_any_score_is_refused() -> None:
+    """By index 2, with no trial that lasts."""
+    wide = {"fingertip_angle_deg": (-20.0, 0.0), "gap_width": (350.0, 400.0)}
+    task = replace(surrogate().task, body=pcjax.Circle(5.0), max_steps=2_000_000)
+    long = pcjax.Surrogate(task, objective="index2", form="exact", trials=4)
+    with pytest.raises(ValueError, match="no hand on the map has a score: nowhere does a trial"):
+        pcjax.score_map(long, space(width=10.0, **wide), (2, 2))
+
+
 def test_a_maps_scores_are_compares() -> None:
     where = space()
     data = pcjax.score_map(surrogate(), where, (4, 2), seed=5)

@@ -40,7 +40,7 @@ from pcjax.results.schema import length_unit_of, place_of
 from pcjax.results.tables import estimate_text, in_columns, wrapped
 from pcjax.study.evaluate import as_attribute
 from pcjax.study.spec import Objective, Study
-from pcjax.study.vary import names, unit_of
+from pcjax.study.vary import full_name, names, unit_of
 from pcjax.units import with_unit
 
 _DATA = (".nc", ".csv")
@@ -156,9 +156,8 @@ def _run(arguments: argparse.Namespace) -> None:
 
 def _side(study: Study, name: str, bounds: tuple[float, float] | None) -> Parameter | Number:
     """What is along a side: a parameter of the hand, or a number of the study's."""
-    label = labelled(name).replace("-", "_")
     known = names(study.components)
-    label = f"{label}_deg" if f"{label}_deg" in known else label
+    label = full_name(labelled(name), study.components)
     if label != "start_spread" and label not in known:
         return parameter(label, study.hand, *(bounds or (None, None)))
     if label == "start_spread":

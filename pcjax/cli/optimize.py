@@ -6,7 +6,7 @@ import argparse
 import json
 import math
 import time
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -41,12 +41,15 @@ from pcjax.design.outcome import METHODS, Optimum, Settings
 from pcjax.design.parameters import labelled
 from pcjax.design.search import search_grid
 from pcjax.design.space import DesignSpace, design_space
+from pcjax.design.starts import starting_designs
 from pcjax.model.checking import check_geometry
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import FORMS, OBJECTIVES, Surrogate
+from pcjax.results.estimates import as_plain
 from pcjax.results.saving import save_text
 from pcjax.results.tables import estimate_text, in_columns, interval_text, wrapped
 from pcjax.study.spec import Objective, Study
+from pcjax.study.vary import full_name
 from pcjax.units import in_brackets
 
 _FOR_PATHWISE = {"goal_layer": 0.8, "contact_layer": 0.2}
@@ -59,6 +62,16 @@ _ESTIMATORS: dict[str, Estimator] = {
     "pathwise": Pathwise(),
     "mixture": Mixture(Differences(), Pathwise(), tuple(_FOR_PATHWISE.items())),
 }
+
+
+_OF_METHODS = {
+    "form": "gradient",
+    "estimator": "gradient",
+    "starts": "gradient",
+    "gain": "model",
+    "grid_points": "grid",
+}
+"""Flags that are for one method alone."""
 
 
 def add_optimize(parser: argparse.ArgumentParser) -> None:
@@ -116,11 +129,11 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
     add(
         "--method",
         choices=METHODS,
-        default=Settings.method,
         help="learn a model of the score from all designs that were tried, follow the gradient of "
-        "the relaxed score, try all designs on a grid, or CMA-ES (default: %(default)s)",
+        "the relaxed score, try all designs on a grid, or CMA-ES "
+        f"(default: {Settings.method})",
     )
-    add("--grid-points", type=whole, default=11, help="of each parameter, for --method grid")
+    add("--grid-points", type=whole, help="of each parameter, for --method grid (default: 11)")
     add("--form", choices=FORMS, help="what the gradient is taken of (default: horizon)")
     add("--estimator", choices=tuple(_ESTIMATORS), help="of the gradient (default: axial)")
     add(
@@ -133,14 +146,13 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
         type=whole,
         default=None,
         help="at most (default: 40 rounds of the model, which ends where it expects no more gain "
-        "than --gain; 44 of the others)",
+        "than --gain; 24 of --front; 44 of the others)",
     )
     add(
         "--gain",
         type=number,
-        default=Settings.gain,
         help="the model's search ends where it expects less, as a share of the score "
-        "(default: %(default)g)",
+        f"(default: {Settings.gain:g})",
     )
     add(
         "--trials",
@@ -180,22 +192,31 @@ def _numbers(text: str) -> tuple[float, ...]:
 def _values_flag(text: str) -> tuple[str, tuple[float, ...]]:
     """A number's name and its values: NAME=V,V,..."""
     name, equals, values = text.partition("=")
-    if not equals or not values:
+    if not name or not equals or not values:
         raise argparse.ArgumentTypeError(f"{text!r} has to be like radius=10,25,40")
-    return name.replace("-", "_"), _numbers(values)
+    return name, _numbers(values)
 
 
 def _for_all(study: Study, arguments: argparse.Namespace) -> Study:
     """The study with the objective that the flags ask for; they win over the file's."""
     objective = study.objective
+    if arguments.weights is not None and arguments.worst:
+        raise ValueError("--weights are for the mean of the scores, and --worst for the worst one")
     if arguments.over:
-        names = [name for name, _ in arguments.over]
-        for name in names:
-            if names.count(name) > 1:
+        over = [(full_name(name, study.components), values) for name, values in arguments.over]
+        for k, (name, _) in enumerate(over):
+            if name in dict(over[:k]):
                 raise ValueError(f"--over {name} is there twice")
-        objective = Objective(dict(arguments.over))
+        try:
+            objective = Objective(dict(over), worst=objective.worst)
+            replace(study, objective=objective).objective_studies()
+        except ValueError as error:
+            raise ValueError(f"--over {error}") from None
     if arguments.weights is not None:
-        objective = replace(objective, weights=arguments.weights, worst=False)
+        try:
+            objective = replace(objective, weights=arguments.weights, worst=False)
+        except ValueError as error:
+            raise ValueError(f"--weights: {error}") from None
     if arguments.worst:
         objective = replace(objective, weights=(), worst=True)
     return replace(study, objective=objective)
@@ -206,10 +227,12 @@ def _run(arguments: argparse.Namespace) -> None:
     check_picture(arguments.plot)
     check_data(arguments.out, (".toml",))
     check_writable(arguments.checkpoint)
-    gradient = arguments.method == "gradient"
-    for name in ("form", "estimator", "starts"):
-        if getattr(arguments, name) is not None and not gradient:
-            raise ValueError(f"--{name} is for --method gradient, and this is {arguments.method}")
+    method = arguments.method or Settings.method
+    gradient = method == "gradient"
+    for name, whose in _OF_METHODS.items():
+        if getattr(arguments, name) is not None and method != whose:
+            flag = name.replace("_", "-")
+            raise ValueError(f"--{flag} is for --method {whose}, and this is {method}")
     study = _for_all(condition(arguments), arguments)
     free = arguments.free or [(name, None) for name in usual_parameters(study)]
     names = [labelled(name) for name, _ in free]
@@ -235,21 +258,23 @@ def _run(arguments: argparse.Namespace) -> None:
     if arguments.estimator == "pathwise":
         surrogate = replace(surrogate, **_FOR_PATHWISE)
     settings = Settings(
-        method=arguments.method,
+        method=method,
         iterations=arguments.iterations,
-        gain=arguments.gain,
+        gain=Settings.gain if arguments.gain is None else arguments.gain,
         starts=Settings.starts if arguments.starts is None else arguments.starts,
         accept_trials=arguments.accept_trials,
         seed=study.run.seed,
     )
-    for scenario in task.scenarios(space.hand(space.nearest_allowed(space.design_of(study.hand)))):
+    (begun,) = starting_designs(space.holding(task), 1, settings.seed)
+    for scenario in task.scenarios(space.hand(begun)):
         check_geometry(scenario)
     if arguments.front:
         _run_front(arguments, surrogate, space, settings)
         return
     began = time.perf_counter()
-    if arguments.method == "grid" and arguments.checkpoint is None:
-        points = [arguments.grid_points] * len(space.free)
+    if method == "grid" and arguments.checkpoint is None:
+        each = 11 if arguments.grid_points is None else arguments.grid_points
+        points = [each] * len(space.free)
         found = search_grid(surrogate, space, settings, points, progress=True)
     else:
         try:
@@ -283,7 +308,8 @@ def _run_front(
 ) -> None:
     """What `--front` asks for."""
     for name, given in (
-        ("--method", arguments.method != Settings.method),
+        ("--method", arguments.method is not None),
+        ("--gain", arguments.gain is not None),
         ("--out", arguments.out is not None),
         ("--checkpoint", arguments.checkpoint is not None),
         ("--weights", bool(surrogate.task.weights)),
@@ -299,14 +325,16 @@ def _run_front(
     if arguments.json:
 
         def member(one: Member) -> dict[str, Any]:
-            aims = dict(zip(found.names, map(asdict, one.aims), strict=True))
+            aims = dict(zip(found.names, map(as_plain, one.aims), strict=True))
             return {"parameters": space.named(one.design), "aims": aims}
 
         told = {
             "front": list(map(member, found.members)),
-            "start": member(found.start),
+            "start": member(found.start) | {"moved": found.moved},
+            "undefined": found.undefined,
             "trials": found.trials,
             "invalid": found.invalid,
+            "interrupted": found.interrupted,
             "wall_seconds": seconds,
         }
         print(json.dumps(told))
@@ -317,13 +345,18 @@ def _run_front(
         [name, *(f"{x:.4g}" for x in one.design), *(estimate_text(aim, spec) for aim in one.aims)]
         for name, one in [
             *((str(k), one) for k, one in enumerate(found.members, start=1)),
-            ("start", found.start),
+            ("moved start" if found.moved else "start", found.start),
         ]
     ]
     lines = [
         f"{name}: {'more' if larger else 'less'} is better"
         for name, larger in zip(found.names, found.larger, strict=True)
     ]
+    if found.undefined:
+        lines.append(
+            f"{found.undefined} designs are left out, as their trials cannot tell one of the aims: "
+            "take more trials, another limit, or --objective index1"
+        )
     if found.invalid:
         lines.append(f"{found.invalid:,} trials went wrong with some hand, and were left out")
     stop = "interrupted after " if found.interrupted else ""
@@ -339,23 +372,25 @@ def as_json(
     """The result as one JSON object."""
 
     def side(design: Any, score: Estimate) -> dict[str, Any]:
-        return {"parameters": space.named(design), "score": asdict(score)}
+        return {"parameters": space.named(design), "score": as_plain(score)}
 
     return {
         "start": side(found.start, found.start_score) | {"moved": found.moved},
         "best": side(found.best, found.best_score),
-        "improvement": asdict(found.improvement),
+        "improvement": as_plain(found.improvement),
         "candidates": [
-            side(one.design, one.score) | {"behind": asdict(one.behind)} for one in found.candidates
+            side(one.design, one.score) | {"behind": as_plain(one.behind)}
+            for one in found.candidates
         ],
         "certainty": found.certainty,
         "conditions": [
-            {"numbers": condition} | {k: asdict(v) for k, v in vars(part).items()}
+            {"numbers": condition} | {k: as_plain(v) for k, v in vars(part).items()}
             for condition, part in zip(conditions, found.parts, strict=False)
         ],
         "iterations": found.progress.iteration,
         "trials": found.trials,
         "invalid": found.invalid,
+        "interrupted": found.interrupted,
         "wall_seconds": seconds,
         "notes": list(found.notes),
     }

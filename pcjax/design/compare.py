@@ -80,6 +80,9 @@ class Comparison:
         pair = np.ix_([start, end], [start, end])
         se = math.sqrt(max(float(jacobian @ self.covariance[pair] @ jacobian), 0.0))
         value = float(values[1] - values[0])
+        if self.surrogate.task.worst:
+            low, high = self._worst_gain(start, end)
+            return Estimate(value, se, min(low, value), max(high, value))
 
         def gain(logs: Float[np.ndarray, "2"]) -> tuple[float, Float[np.ndarray, "2"]]:
             scores = np.exp(logs)
@@ -87,6 +90,20 @@ class Comparison:
 
         low, high = _bounds(self.surrogate, self.sample, [start, end], gain)
         return Estimate(value, se, min(low, value), max(high, value))
+
+    def _worst_gain(self, start: int, end: int) -> tuple[float, float]:
+        """95 % bounds of the gain of the worst score: it is at least the gain in the condition that
+        is the worst at the end, and at most that in the one that is the worst at the start."""
+        alone = [self.of(k) for k in range(len(self.surrogate.task.each))]
+        gains = [one.improvement(start, end) for one in alone]
+        first, last = (_may_be_worst([one.scores[k] for one in alone]) for k in (start, end))
+        return min(gains[k].low for k in last), max(gains[k].high for k in first)
+
+
+def _may_be_worst(scores: Sequence[Estimate]) -> list[int]:
+    """Which of several conditions may be the one with the lowest score, by their intervals."""
+    least = min(score.high for score in scores)
+    return [k for k, score in enumerate(scores) if score.low <= least]
 
 
 def _bounds(
@@ -159,9 +176,27 @@ def comparison_of(exact: Surrogate, sample: Sample) -> Comparison:
             scores.append(UNDEFINED)
             continue
         value = math.exp(float(exact.combined(exact.judge(means[k : k + 1])[0])[0]))
-        low, high = _bounds(exact, sample, [k], lambda one: (math.exp(one[0]), np.ones(1)))
+        low, high = value, value
+        if not exact.task.worst:
+            low, high = _bounds(exact, sample, [k], lambda one: (math.exp(one[0]), np.ones(1)))
         scores.append(Estimate(value, value * error, min(low, value), max(high, value)))
-    return Comparison(scores, logs, covariance, exact.trials, sample, exact)
+    found = Comparison(scores, logs, covariance, exact.trials, sample, exact)
+    return _with_worst_bounds(found) if exact.task.worst else found
+
+
+def _with_worst_bounds(found: Comparison) -> Comparison:
+    """With intervals that know of every condition that may be the worst, not of the one that came
+    out so."""
+    alone = [found.of(k) for k in range(len(found.surrogate.task.each))]
+    scores = []
+    for k, score in enumerate(found.scores):
+        each = [one.scores[k] for one in alone]
+        if not math.isnan(score.value):
+            low = min(one.low for one in each)
+            high = max(each[j].high for j in _may_be_worst(each))
+            score = replace(score, low=min(low, score.value), high=max(high, score.value))
+        scores.append(score)
+    return replace(found, scores=scores)
 
 
 def score_all(

@@ -13,14 +13,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from pcjax.checks import check_kind
 from pcjax.design.belief import Belief
 from pcjax.design.checkpoint import fingerprint_of
-from pcjax.design.compare import compare
+from pcjax.design.compare import compare_hands
 from pcjax.design.gaussian import Points
 from pcjax.design.modelled import BATCH, DRAWS, Search, distinct
 from pcjax.design.outcome import Settings
 from pcjax.design.space import Design, DesignSpace
-from pcjax.design.starts import starting_designs
+from pcjax.design.starts import given_start, starting_designs
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate
 
@@ -59,7 +60,10 @@ class Front:
         names: of the aims.
         larger: of each aim whether more of it is better.
         members: the designs, from the least of the first aim to the most.
-        start: the given hand, moved into the space if it is not in there.
+        start: the given hand, even if it is not an allowed one; where it cannot be evaluated, the
+            design that the search began at.
+        moved: whether it is the latter.
+        undefined: designs left out of the front, as their trials cannot tell one of their aims.
         tried: the values of all designs that the search has tried, as it believes them to be.
         trials: simulated in all.
         invalid: how many of them went wrong, and were left out.
@@ -70,6 +74,8 @@ class Front:
     larger: tuple[bool, bool]
     members: list[Member]
     start: Member
+    moved: bool
+    undefined: int
     tried: Float[np.ndarray, "designs 2"]
     trials: int
     invalid: int
@@ -144,8 +150,9 @@ def trade_off(
         progress: whether to show a bar on stderr.
 
     Raises:
-        ValueError: the task has DoEs alone and no other task, or more than one other; or no allowed
-            hand.
+        TypeError: a surrogate or space that is none.
+        ValueError: the task has DoEs alone and no other task, or more than one other; no allowed
+            hand; or none whose aims the trials can tell.
 
     Examples:
         Far too few trials to find anything, but quick:
@@ -158,6 +165,8 @@ def trade_off(
         >>> front.names
         ('DoEs by index1', 'EoEn by index1')
     """
+    check_kind("surrogate", surrogate, Surrogate)
+    check_kind("space", space, DesignSpace)
     settings, task = Settings() if settings is None else settings, surrogate.task
     if len(task.each) > 2 or (len(task.each) == 1 and len(task.directions) == 1):
         raise ValueError(
@@ -165,6 +174,7 @@ def trade_off(
         )
     space = space.holding(task)
     (begun,) = starting_designs(space, 1, settings.seed)
+    start = given_start(surrogate, space, begun, calls=1)
     search, belief = _FrontSearch(surrogate, space, settings.seed), Belief(surrogate)
     state, interrupted = search.run(
         belief,
@@ -185,11 +195,10 @@ def trade_off(
     seen = belief.at
     aims = search.aims(belief.each_mean(seen))
     chosen = _spread_over(aims, np.flatnonzero(unbeaten(aims)))
-    designs = [begun, *search.design(seen[chosen])]
-    final = compare(
+    designs = [start.design, *search.design(seen[chosen])]
+    final = compare_hands(
         surrogate,
-        space,
-        designs,
+        [start.hand, *map(space.hand, designs[1:])],
         trials=settings.accept_trials,
         seed=settings.seed + _UNSEEN,
     )
@@ -198,13 +207,21 @@ def trade_off(
         Member(design, (parts[0].scores[k], parts[1].scores[k])) for k, design in enumerate(designs)
     ]
     signs = np.where(larger, 1.0, -1.0)
-    found = np.array([[aim.value for aim in member.aims] for member in members]) * signs
-    front = [members[k] for k in np.flatnonzero(unbeaten(found[1:])) + 1]
+    told = [one for one in members[1:] if not any(math.isnan(aim.value) for aim in one.aims)]
+    if not told:
+        raise ValueError(
+            "no design has both aims: no trial escapes, or none is held to the limit from outside; "
+            "take more trials, another limit, or objective index1"
+        )
+    found = np.array([[aim.value for aim in member.aims] for member in told]) * signs
+    front = [told[k] for k in np.flatnonzero(unbeaten(found))]
     return Front(
         names,
         larger,
         sorted(front, key=lambda member: member.aims[0].value),
         members[0],
+        start.moved,
+        len(designs) - 1 - len(told),
         np.exp(aims * signs),
         state.trials + len(designs) * final.trials * task.runs,
         state.invalid + final.invalid,

@@ -219,6 +219,11 @@ class MapPlan:
             found, invalid = score_all(
                 surrogate, list(each.values()), seed=self.seed, on_done=bar.update
             )
+        if all(math.isnan(score.value) for score in found):
+            raise ValueError(
+                "no hand on the map has a score: nowhere does a trial escape, or is one held to "
+                "the limit from outside; take more trials, another limit, or objective index1"
+            )
         scores[list(each)] = rows_of(found)
         x, y = self.sides
         sides = {y.label: self.lines[1], x.label: self.lines[0]}

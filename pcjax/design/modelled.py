@@ -251,8 +251,6 @@ class Search:
         sample = exact.sample([self.space.hand(one) for one in self.design(at)], self.seed + round)
         logs, influences = exact.appraise(sample)
         count = influences.shape[2]
-        if count < 2:
-            raise ValueError("fewer than two trials went right with every design: try a smaller dt")
         noise = influences @ influences.transpose(0, 2, 1) / (count * (count - 1))
         doubt = exact.doubt(sample.means(), count)
         noise += doubt.T[:, :, None] * np.eye(len(at))
@@ -261,8 +259,9 @@ class Search:
     def round(self, belief: Belief, state: Progress) -> Progress:
         """One more: some designs are chosen and tried, and the belief learns of them."""
         began, k = time.perf_counter(), state.iteration
-        at, gain = self.first(self.place(np.array(state.designs[0]))), math.inf
-        if k > 0:
+        if k == 0:
+            at, gain = self.first(self.place(np.array(state.designs[0]))), math.inf
+        else:
             at, gain = self.think(belief, k)
         batch, invalid = self.try_out(at, k)
         belief.learn(batch)

@@ -93,7 +93,13 @@ def search_grid(
     with progress_bar(total=len(allowed), desc="designs", unit="design", shown=progress) as bar:
         each = surrogate.task.scenarios_of(list(map(space.hand, allowed)))
         scores, invalid = score_all(surrogate, each, seed=settings.seed, on_done=bar.update)
-    best = allowed[int(np.argmax([score.value for score in scores]))]
+    values = np.array([score.value for score in scores])
+    if np.isnan(values).all():
+        raise ValueError(
+            "no design on the grid has a score: no trial escapes, or none is held to the limit "
+            "from outside; take more trials, another limit, or objective index1"
+        )
+    best = allowed[int(np.nanargmax(values))]
     spent = Progress(
         [],
         [],

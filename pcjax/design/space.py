@@ -268,8 +268,9 @@ class DesignSpace:
             return inside
         raise ValueError(
             f"no allowed hand was found near {self.describe(wanted)}: its gap has to be "
-            f"{self.clearance:g} wider than the object ({self.width:g}), no limbs may cross, and "
-            "every parameter has to be within its bounds and limits"
+            f"{self.clearance:g} wider than the object ({self.width:g}), no limbs may cross, "
+            f"{'the object has to fit inside at its start, ' if self.rooms else ''}and every "
+            "parameter has to be within its bounds and limits"
         )
 
     def along_edges(

@@ -5,11 +5,17 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 
+import numpy as np
+from jaxtyping import Float
+
 from pcjax.design.space import Design, DesignSpace
 from pcjax.model.checking import check_geometry
 from pcjax.model.hand import HandDesign
 from pcjax.quality.surrogate import Surrogate
 from pcjax.words import InputWarning
+
+_LOOKED_AT = 1024
+"""Designs that are looked at where none near the base hand is allowed."""
 
 
 @dataclass(frozen=True)
@@ -33,23 +39,38 @@ class Start:
 def starting_designs(space: DesignSpace, count: int, seed: int) -> list[Design]:
     """The base hand's design and others spread over the space (Sobol), all allowed.
 
+    Where nothing near the base hand is allowed, the nearest of many others stands for it.
+
     Raises:
         ValueError: no allowed design was found.
     """
-    first = space.nearest_allowed(space.design_of(space.base))
+    given = space.design_of(space.base)
+    try:
+        first = space.nearest_allowed(given)
+    except ValueError:
+        others = _spread(space, _LOOKED_AT, seed)
+        others = others[space.which(others)]
+        if len(others) == 0:
+            raise
+        away = np.linalg.norm((others - given) / space.scales, axis=1)
+        first = space.nearest_allowed(given, others[np.argmin(away)])
     if count == 1:
         return [first]
-    from scipy.stats import qmc  # takes more than a second to import
-
-    draws = qmc.Sobol(len(space.free), rng=seed).random_base2((count - 1).bit_length())
-    spread = space.low + draws[: count - 1] * (space.high - space.low)
+    spread = _spread(space, count - 1, seed)
     return [first, *(space.nearest_allowed(design, first) for design in spread)]
 
 
-def given_start(surrogate: Surrogate, space: DesignSpace, begun: Design) -> Start:
+def _spread(space: DesignSpace, count: int, seed: int) -> Float[np.ndarray, "designs parameters"]:
+    from scipy.stats import qmc  # takes more than a second to import
+
+    draws = qmc.Sobol(len(space.free), rng=seed).random_base2(count.bit_length())
+    return space.low + draws[:count] * (space.high - space.low)
+
+
+def given_start(surrogate: Surrogate, space: DesignSpace, begun: Design, calls: int = 2) -> Start:
     """What a search that begins at `begun` is compared with: the base hand, if it can be evaluated.
 
-    Warns the caller of `pcjax.optimize`, two calls further up, if that hand is not allowed.
+    Warns the user, that many calls further up, if that hand is not allowed.
     """
     where = f"the search begins at {space.describe(begun)}"
     try:
@@ -69,5 +90,5 @@ def given_start(surrogate: Surrogate, space: DesignSpace, begun: Design) -> Star
         )
         start = Start(space.base, space.design_of(space.base), False, (note,) if wrong else ())
     for note in start.notes:
-        warnings.warn(note, InputWarning, stacklevel=4)
+        warnings.warn(note, InputWarning, stacklevel=2 + calls)
     return start

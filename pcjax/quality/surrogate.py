@@ -277,11 +277,12 @@ class Surrogate:
         A horizon's trials from the paper's starts; one that goes wrong counts as far as it came.
         """
         scenarios = [self.softened(scenario) for scenario in self.task.scenarios(hand)]
-        kinds: dict[Any, list[Scenario]] = {}
-        for scenario in scenarios:
-            kinds.setdefault(jax.tree.structure(scenario), []).append(scenario)
+        kinds: dict[Any, list[int]] = {}
+        for k, scenario in enumerate(scenarios):
+            kinds.setdefault(jax.tree.structure(scenario), []).append(k)
         values = []
-        for alike in kinds.values():
+        for chosen in kinds.values():
+            alike = [scenarios[k] for k in chosen]
             stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves).astype(float), *alike)
             count = len(alike)
             lanes = Lanes.fresh(
@@ -294,7 +295,8 @@ class Surrogate:
             widths = _layer_widths(stacked.hand, self.goal_layer)
             end = relaxed_survival(lanes.excursion.peak, widths[lanes.condition])
             values.append(jnp.stack([lanes.excursion.survival_time, end]).reshape(2, count, -1))
-        return jnp.moveaxis(jnp.concatenate(values, axis=1), 0, 1)
+        order = np.argsort([k for chosen in kinds.values() for k in chosen])  # of the runs
+        return jnp.moveaxis(jnp.concatenate(values, axis=1)[:, order], 0, 1)
 
     def _survival(
         self, marks: Float[np.ndarray, "hands trials"], scenarios: Sequence[Scenario]
@@ -360,6 +362,8 @@ class Surrogate:
         """Whether a hand's means say what its score is: not where nothing was held to the limit
         from outside, or nothing escaped, and the score is made of that."""
         end = means[:, 1]
+        if self.objective == "index2" and self.task.also and not self.task.worst:
+            return bool(np.all(end > 0))  # else a mean of logarithms has none
         if self.objective == "index2":
             return len(self.task.directions) == 1 or bool(np.all(end[1::2] > 0))
         return self.objective == "index1" or bool(np.all(end < 1))
@@ -370,11 +374,13 @@ class Surrogate:
         """`judge` of a sample's means, and what each valid trial adds to those logarithms.
 
         Raises:
-            ValueError: a hand lets every trial out at once, or no trial went right with all hands.
+            ValueError: a hand lets every trial out at once, or fewer than two trials went right
+                with all hands.
         """
-        if not sample.valid.any():
+        if sample.valid.sum() < 2:
             raise ValueError(
-                "no trial went right with all of the hands that were tried: try a smaller dt"
+                "fewer than two trials went right with all of the hands that were tried: try a "
+                "smaller dt"
             )
         means = sample.means()
         logs, slopes = self.judge(means, int(sample.valid.sum()))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
-from dataclasses import astuple
+from dataclasses import asdict, astuple
 
 import numpy as np
 from jaxtyping import Float, Int, Int32, UInt8
@@ -53,6 +54,11 @@ def score_of(
 def rows_of(estimates: Iterable[Estimate]) -> Float[np.ndarray, "estimates 4"]:
     """Estimates along the dimension `statistic`."""
     return np.array([astuple(estimate) for estimate in estimates], float).reshape(-1, 4)
+
+
+def as_plain(estimate: Estimate) -> dict[str, float | None]:
+    """An estimate as JSON has it: what is not known is null."""
+    return {k: v if math.isfinite(v) else None for k, v in asdict(estimate).items()}
 
 
 def counts_of(status: UInt8[np.ndarray, "*some trials"]) -> Int[np.ndarray, "*some 3"]:

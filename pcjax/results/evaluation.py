@@ -6,7 +6,6 @@ import functools
 import math
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from pcjax.model.scenario import Scenario
 from pcjax.physics.state import INVALID
 from pcjax.quality.indices import Estimate, mean, ratio_difference, survival_curve
 from pcjax.quality.stopping import precision_of
-from pcjax.results.estimates import counts_of, indices_of, rows_of, score_of
+from pcjax.results.estimates import as_plain, counts_of, indices_of, rows_of, score_of
 from pcjax.results.geometry import places_of
 from pcjax.results.provenance import conditions, provenance
 from pcjax.results.reading import load_dataset
@@ -305,15 +304,11 @@ class Evaluation:
 
     def as_json(self) -> dict[str, Any]:
         """Plain numbers for `--json`; what is undefined is null."""
-
-        def plain(estimate: Estimate) -> dict[str, float | None]:
-            return {k: v if math.isfinite(v) else None for k, v in asdict(estimate).items()}
-
         out: dict[str, Any] = {
-            d: {name: plain(e) for name, e in self.indices(d).items()} for d in self.directions
+            d: {name: as_plain(e) for name, e in self.indices(d).items()} for d in self.directions
         }
         if len(self.directions) == 2:
-            out["score"] = {name: plain(e) for name, e in self.score().items()}
+            out["score"] = {name: as_plain(e) for name, e in self.score().items()}
         sticks = {d: stick for d in self.directions if (stick := self.stick(d))}
         if sticks:
             out["stick"] = sticks

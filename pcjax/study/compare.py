@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from pcjax.quality.indices import Estimate
 from pcjax.quality.stopping import half_width, until_known
+from pcjax.results.estimates import as_plain
 from pcjax.results.evaluation import Evaluation
 from pcjax.results.schema import length_unit_of
 from pcjax.results.tables import in_columns, interval_text, shortened, wrapped
@@ -109,17 +110,14 @@ class Ranking:
     def as_json(self) -> dict[str, Any]:
         """Plain numbers for `--json`; what is undefined is null."""
 
-        def plain(estimate: Estimate) -> dict[str, float | None]:
-            return {k: v if math.isfinite(v) else None for k, v in asdict(estimate).items()}
-
         first = self.names[0]
         return {
             "by": self.by,
             "ranking": [
                 {
                     "name": name,
-                    "value": plain(self.value(name)),
-                    "difference": None if name == first else plain(self.difference(name, first)),
+                    "value": as_plain(self.value(name)),
+                    "difference": None if name == first else as_plain(self.difference(name, first)),
                     "verdict": None if name == first else self.verdict(name, first),
                     "evaluation": result.as_json(),
                 }

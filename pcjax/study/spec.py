@@ -195,24 +195,24 @@ class Objective:
     def __post_init__(self) -> None:
         for name, values in self.over.items():
             if not values:
-                raise ValueError(f"[objective] {name} has no values")
+                raise ValueError(f"{name} has no values")
             if len(set(values)) < len(values):
-                raise ValueError(f"[objective] {name} has a value twice")
+                raise ValueError(f"{name} has a value twice")
         count = math.prod(len(values) for values in self.over.values())
         if count > MOST_AT_ONCE:
             raise ValueError(
-                f"[objective] has {count:,} conditions for each hand: the most is {MOST_AT_ONCE}"
+                f"there are {count:,} conditions for each hand: the most is {MOST_AT_ONCE}"
             )
         if self.weights and len(self.weights) != count:
             raise ValueError(
-                f"[objective] has {len(self.weights)} weights for {count} "
+                f"there are {len(self.weights)} weights for {count} "
                 f"{'condition' if count == 1 else 'conditions'}: as many of either"
             )
         for weight in self.weights:
             if not 0 < weight < math.inf:
-                raise ValueError(f"[objective] a weight is {weight:g}: it has to be above 0")
+                raise ValueError(f"a weight is {weight:g}: it has to be above 0")
         if self.weights and self.worst:
-            raise ValueError("[objective] weights are for the mean of scores, and the worst counts")
+            raise ValueError("weights are for the mean of scores, and the worst counts")
 
     def points(self) -> list[dict[str, float]]:
         """The numbers of each condition."""
@@ -399,10 +399,10 @@ class Study:
                 try:
                     study = study.having({name: value})
                 except ValueError as error:
-                    raise ValueError(f"[objective] {name}: {error}") from None
+                    raise ValueError(f"{name}: {error}") from None
                 if study.hand is not self.hand:
                     raise ValueError(
-                        f"[objective] {name}: it is the hand that is looked for; name numbers of "
+                        f"{name}: it is the hand that is looked for; name numbers of "
                         "the object, the drive or the contact"
                     )
             found.append(study)

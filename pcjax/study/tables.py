@@ -82,9 +82,12 @@ class Reader:
                 except ValueError as error:
                     raise ValueError(f"[sweep] {name}: {error}") from None
         study.scenarios()
-        study = replace(study, objective=self.objective())
-        study.objective_studies()
-        return replace(study, sweep=sweep)
+        objective = self.objective()
+        try:
+            replace(study, objective=objective).objective_studies()
+        except ValueError as error:
+            raise ValueError(f"[objective] {error}") from None
+        return replace(study, objective=objective, sweep=sweep)
 
     def doubt_units(self, study: Study) -> None:
         """Takes down what is strange about the unit of lengths."""
@@ -255,7 +258,10 @@ class Reader:
         }
         for name, line in over.items():
             self.doubt("objective", name, line)
-        return Objective(over, tuple(map(_float, weights)), worst)
+        try:
+            return Objective(over, tuple(map(_float, weights)), worst)
+        except ValueError as error:
+            raise ValueError(f"[objective] {error}") from None
 
     def line(self, name: str, value: Any, where: str = "sweep") -> tuple[float, ...]:
         """The values that a number takes: a list, or a range as a table."""

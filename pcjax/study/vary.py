@@ -36,6 +36,13 @@ def names(components: Mapping[str, Component]) -> dict[str, tuple[str, Quantity]
     }
 
 
+def full_name(name: str, components: Mapping[str, Component]) -> str:
+    """A component's number as files name it, from what one types: `-` for `_`, an angle without its
+    unit."""
+    name = name.replace("-", "_")
+    return f"{name}_deg" if f"{name}_deg" in names(components) else name
+
+
 def unit_of(name: str, components: Mapping[str, Component], units: str) -> str:
     """The unit of a number that can be swept, where lengths are in `units`."""
     known = names(components)

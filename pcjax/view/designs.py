@@ -205,6 +205,9 @@ def plot_map(dataset: xr.Dataset) -> Figure:
         least,
         hatched=True,
     )
+    open_ones = dataset.possible.values & ~dataset.full_cage.values
+    unknown = np.where(open_ones & np.isnan(score), 0.0, 1.0)
+    handles += _draw_region(axis, (xs, ys), unknown, 0.5, "0.95", "..", "a score that is undefined")
     _name_parameters(axis, labels, length_unit_of(dataset), units)
     row, column = np.unravel_index(np.nanargmax(score), score.shape)
     marks: list[tuple[Any, ...]] = [
@@ -255,14 +258,26 @@ def _draw_regions(
         (gaps, least, "0.9", "//", "full cage: the gap is narrower than the object"),
         (np.where(possible, 1.0, 0.0), 0.5, "0.75", "xx", "limbs cross, or no room for the object"),
     ):
-        if not np.any(values < edge):
-            continue
-        hatches = [hatch if hatched else None]
-        # Above the score's lines and their labels, below the paths.
-        axis.contourf(*fine, values, [-1.0, edge], colors=colour, hatches=hatches, zorder=2.2)
-        axis.contour(*fine, values, [edge], colors="0.3", linewidths=1, zorder=2.3)
-        handles.append(Patch(fc=colour, ec="0.3", hatch=hatch, label=label))
+        handles += _draw_region(axis, fine, values, edge, colour, hatch if hatched else None, label)
     return handles
+
+
+def _draw_region(
+    axis: Axes,
+    lines: Sequence[np.ndarray],
+    values: np.ndarray,
+    edge: float,
+    colour: str,
+    hatch: str | None,
+    label: str,
+) -> list[Patch]:
+    """Covers where the values are below an edge; and its entry for the legend, if it is there."""
+    if not np.any(values < edge):
+        return []
+    # Above the score's lines and their labels, below the paths.
+    axis.contourf(*lines, values, [-1.0, edge], colors=colour, hatches=[hatch], zorder=2.2)
+    axis.contour(*lines, values, [edge], colors="0.3", linewidths=1, zorder=2.3)
+    return [Patch(fc=colour, ec="0.3", hatch=hatch, label=label)]
 
 
 def _name_parameters(

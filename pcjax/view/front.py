@@ -61,7 +61,8 @@ def _draw_front(axis: Axes, found: Front, shown: np.ndarray) -> None:
         label="front, exact, 95 % intervals",
     )
     start = [aim.value for aim in found.start.aims]
-    axis.plot(*start, "*", ms=13, color=COLOURS[1], mec="white", label="the hand given")
+    name = "moved start" if found.moved else "the hand given"
+    axis.plot(*start, "*", ms=13, color=COLOURS[1], mec="white", label=name)
     for k in shown:
         axis.annotate(
             str(k + 1),
