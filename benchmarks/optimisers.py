@@ -411,6 +411,7 @@ def main() -> None:
             mean = 100 * np.mean([row["to_best"] for row in each])
             print(f"  {name:10}{mean:+8.2f} %   {', '.join(told)}", flush=True)
         if arguments.out:
+            arguments.out.mkdir(parents=True, exist_ok=True)
             _keep(rows, arguments.out / "optimisers.csv")
             draw(rows).savefig(arguments.out / "optimisers.png", dpi=110)
 
