@@ -244,7 +244,9 @@ def by_model(problem: Problem, seed: int, until: float) -> Design:
     """The package's default."""
     settings = replace(_settings("model", seed), accept_trials=10_000)
     enough = _enough(until)
-    return search_model(problem.surrogate, problem.space, settings, enough=enough).best
+    return search_model(
+        problem.surrogate, problem.space, settings, watch=lambda state: enough()
+    ).best
 
 
 def by_gradient(problem: Problem, seed: int, until: float) -> Design:

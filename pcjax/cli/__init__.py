@@ -28,6 +28,7 @@ COMMANDS = {
     "show": ("results", "print kept results"),
     "plot": ("results", "draw kept results"),
     "map": ("map", "map the score over two parameters"),
+    "view": ("view", "drag the hand in the browser, and see its score follow"),
     "animate": ("animate", "film one trial"),
     "export": ("export", "draw the hand for CAD"),
     "figure": ("figure", "redo one of the paper's figures"),

@@ -9,7 +9,7 @@ import functools
 import math
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,6 +55,7 @@ def search_gradient(
     estimator: Estimator | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
     progress: bool = False,
+    watch: Callable[[Progress], bool] = lambda state: False,
 ) -> Optimum:
     """Follows the gradient of the relaxed score, from one start or several.
 
@@ -63,7 +64,7 @@ def search_gradient(
         space: what may change; its base hand is the first start.
         settings: see `Settings`.
         estimator: of the gradient; `Differences()` unless given.
-        checkpoint, progress: see `pcjax.optimize`.
+        checkpoint, progress, watch: see `pcjax.optimize`.
 
     Raises:
         ValueError: see `pcjax.optimize`.
@@ -82,7 +83,7 @@ def search_gradient(
         [numbers for _ in range(count)],
         stopped=[False] * count,
     )
-    interrupted = False
+    interrupted = ended = False
     fingerprint = fingerprint_of(surrogate, space, settings, estimator)
     with nullcontext() if path is None else locked(path):
         if path is not None and os.path.lexists(path):
@@ -96,13 +97,14 @@ def search_gradient(
         )
         with bar:
             try:
-                while state.iteration < iterations and not all(state.stopped):
+                while state.iteration < iterations and not all(state.stopped) and not ended:
                     state = climb.iterate(state)
                     if path is not None:
                         keep_progress(path, fingerprint, state)
                     bar.update()
                     last = [steps[-1] for steps in state.history]
                     bar.set_postfix_str(f"score {math.exp(max(s.value for s in last)):.4g}")
+                    ended = watch(state)
             except KeyboardInterrupt:
                 interrupted = True
     ends = [

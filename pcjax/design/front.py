@@ -184,7 +184,7 @@ def trade_off(
         checkpoint=None,
         fingerprint=fingerprint_of(surrogate, space, settings),
         progress=progress,
-        enough=lambda: False,
+        watch=lambda state: False,
     )
     if not belief.batches:
         raise KeyboardInterrupt  # before anything was seen

@@ -80,7 +80,7 @@ def search_model(
     *,
     checkpoint: str | os.PathLike[str] | None = None,
     progress: bool = False,
-    enough: Callable[[], bool] = lambda: False,
+    watch: Callable[[Progress], bool] = lambda state: False,
 ) -> Optimum:
     """Learns a model of the exact score, and tries what may be the best by it.
 
@@ -89,7 +89,7 @@ def search_model(
         space: what may change; its base hand is among the first designs.
         settings: see `Settings`.
         checkpoint, progress: see `pcjax.optimize`.
-        enough: asked before each round but the first whether to end the search.
+        watch: told the state after each round; whether to end the search.
 
     Raises:
         ValueError: see `pcjax.optimize`.
@@ -106,7 +106,7 @@ def search_model(
         checkpoint=checkpoint,
         fingerprint=fingerprint_of(surrogate, space, settings),
         progress=progress,
-        enough=enough,
+        watch=watch,
     )
     ends, tried = [[begun]], []
     if belief.batches:
@@ -182,7 +182,7 @@ class Search:
         checkpoint: str | os.PathLike[str] | None,
         fingerprint: str,
         progress: bool,
-        enough: Callable[[], bool],
+        watch: Callable[[Progress], bool],
     ) -> tuple[Progress, bool]:
         """Rounds, as many as that or until little gain is to be expected; and whether they were
         interrupted.
@@ -194,10 +194,11 @@ class Search:
             gain: see `Settings`.
             checkpoint, progress: see `pcjax.optimize`.
             fingerprint: of all that the search depends on.
-            enough: see `search_model`.
+            watch: see `search_model`.
         """
         path = None if checkpoint is None else Path(checkpoint)
         state, interrupted = Progress([[]], [list(map(float, begun))], []), False
+        ended = False
         with nullcontext() if path is None else locked(path):
             if path is not None and os.path.lexists(path):
                 state = load_progress(path, fingerprint, self.possible)
@@ -211,16 +212,13 @@ class Search:
                 shown=progress,
             ) as bar:
                 try:
-                    while (
-                        state.iteration < rounds
-                        and not calm(state, gain)
-                        and not (belief.batches and enough())
-                    ):
+                    while state.iteration < rounds and not calm(state, gain) and not ended:
                         state = self.round(belief, state)
                         if path is not None:
                             keep_progress(path, fingerprint, state)
                         bar.update()
                         bar.set_postfix_str(_in_short(state.history[0][-1]))
+                        ended = watch(state)
                 except KeyboardInterrupt:
                     interrupted = True
         return state, interrupted

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 
 from pcjax.checks import check_kind
+from pcjax.design.checkpoint import Progress
 from pcjax.design.estimator import Estimator
 from pcjax.design.modelled import search_model
 from pcjax.design.outcome import Optimum, Settings
@@ -21,6 +23,7 @@ def optimize(
     estimator: Estimator | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
     progress: bool = False,
+    watch: Callable[[Progress], bool] | None = None,
 ) -> Optimum:
     """Looks for the design with the highest score.
 
@@ -37,6 +40,8 @@ def optimize(
         checkpoint: for "model" and "gradient": a file to keep the state in after every iteration.
             If it is there already, the optimisation goes on from it.
         progress: whether to show a bar on stderr.
+        watch: for "model" and "gradient": told where the search is after every iteration; the
+            search ends where it returns True.
 
     Returns:
         The best design with its exact score, compared with the given hand. Ctrl-C ends the loop
@@ -46,8 +51,9 @@ def optimize(
     near it.
 
     Raises:
-        ValueError: no allowed hand, an estimator or a checkpoint for a method that has none, or a
-            checkpoint file that is damaged, of another optimisation, or in use by another process.
+        ValueError: no allowed hand, an estimator, a checkpoint or a `watch` for a method that has
+            none, or a checkpoint file that is damaged, of another optimisation, or in use by
+            another process.
 
     Examples:
         Far too few trials to find anything, but quick:
@@ -68,6 +74,9 @@ def optimize(
         raise ValueError(f"an estimator is for method 'gradient', and this is {method!r}")
     if checkpoint is not None and method not in ("model", "gradient"):
         raise ValueError(f"a checkpoint is for methods 'model' and 'gradient', not {method!r}")
+    if watch is not None and method not in ("model", "gradient"):
+        raise ValueError(f"only methods 'model' and 'gradient' can be watched, not {method!r}")
+    watched = watch or (lambda state: False)
     if method == "gradient":
         from pcjax.design.ascent import search_gradient  # optax takes half a second to import
 
@@ -78,9 +87,12 @@ def optimize(
             estimator=estimator,
             checkpoint=checkpoint,
             progress=progress,
+            watch=watched,
         )
     if method == "grid":
         return search_grid(surrogate, space, settings, progress=progress)
     if method == "cma":
         return search_cma(surrogate, space, settings, progress=progress)
-    return search_model(surrogate, space, settings, checkpoint=checkpoint, progress=progress)
+    return search_model(
+        surrogate, space, settings, checkpoint=checkpoint, progress=progress, watch=watched
+    )

@@ -235,6 +235,10 @@ class Evaluation:
         status = self._row("status", direction)
         return {name: int(np.sum(status == code)) for code, name in STATUS_NAMES.items()}
 
+    def ends(self, direction: str) -> tuple[np.ndarray, np.ndarray]:
+        """Of each trial the step in which it ended, and how: PASSED, LIMIT or INVALID."""
+        return self._row("escape_step", direction), self._row("status", direction)
+
     def survival(self, direction: str) -> tuple[np.ndarray, np.ndarray]:
         """Steps, and the share of trials that has not passed by then (`survival_curve`)."""
         return survival_curve(*self._trials(direction, self._valid([direction])))

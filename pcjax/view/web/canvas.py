@@ -1,0 +1,278 @@
+"""The hand on the page, in each of its directions, with what one can drag."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from nicegui import events, ui
+
+from pcjax.model.hand import HandDesign
+from pcjax.model.scenario import Scenario, does
+from pcjax.results.schema import NAMES
+from pcjax.study.spec import Study
+from pcjax.units import with_unit
+from pcjax.view.web.dials import joints_of, limb_set, pulled
+from pcjax.view.web.picture import Frame, frame_of, hand_svg, object_svg, scene_svg
+from pcjax.view.web.studio import Studio
+
+_PLACE = """
+const at = (e) => {
+  const m = e.currentTarget.getScreenCTM().inverse();
+  const p = new DOMPoint(e.clientX, e.clientY).matrixTransform(m);
+  return [p.x, -p.y];
+};
+"""
+"""Where the pointer is, in the hand's lengths."""
+
+_DOWN = f"""(e) => {{
+  {_PLACE}
+  const name = e.target.dataset.testid;
+  if (!name || e.button > 0) return;
+  e.preventDefault();
+  e.target.focus();
+  e.currentTarget.setPointerCapture(e.pointerId);
+  emit(name, ...at(e));
+}}"""
+
+_MOVE = f"""(e) => {{
+  {_PLACE}
+  if (e.currentTarget.hasPointerCapture(e.pointerId)) emit(...at(e));
+}}"""
+
+_UP = f"""(e) => {{
+  {_PLACE}
+  if (e.currentTarget.hasPointerCapture(e.pointerId)) emit(...at(e));
+}}"""
+
+_KEY = """(e) => {
+  const name = e.target.dataset.testid;
+  if (!name || !e.key.startsWith('Arrow')) return;
+  e.preventDefault();
+  emit(name, e.key.slice(5).toLowerCase(), e.shiftKey);
+}"""
+
+_DEGREE = np.pi / 180
+
+_WAYS = {"does": "escape from inside", "eoen": "enter from outside"}
+
+
+class Canvas:
+    """Both directions side by side: escaping, where one drags, and entering, which follows."""
+
+    def __init__(self, studio: Studio):
+        self.studio = studio
+        self.under: dict[str, Callable[[Frame], str]] = {}
+        """What lies beneath the limbs in each direction, as SVG."""
+        self.over: dict[str, Callable[[Frame], str]] = {}
+        """What takes the object's place, as SVG: a trial that is played."""
+        self.frame = frame_of(studio.desk.study)
+        self._before: Study | None = None
+        self._held = ""
+        self._handles: dict[str, ui.element] = {}
+        self._panes: dict[str, ui.element] = {}
+        self._parts: dict[tuple[str, str], ui.html] = {}
+        self._plates: dict[str, ui.element] = {}
+        self._captions: dict[str, ui.label] = {}
+        self._row = ui.element("div").classes("canvas")
+        self._build()
+        studio.on_opened.append(self._build)
+        studio.on_design.append(lambda moving: self.draw(moving=moving))
+
+    # ------------------------------------------------------------------ building
+
+    def _build(self) -> None:
+        self._row.clear()
+        self._handles, self._parts, self._captions = {}, {}, {}
+        study = self.studio.desk.study
+        self.frame = frame_of(study)
+        with self._row:
+            for direction in _WAYS:
+                with ui.element("figure").classes("pane") as figure:
+                    self._pane(direction, study)
+                self._panes[direction] = figure
+        self.draw(moving=False)
+
+    def _pane(self, direction: str, study: Study) -> None:
+        with ui.element("figcaption"):
+            self._captions[direction] = ui.label()
+        with ui.element("svg") as svg:
+            svg.props["data-testid"] = f"hand-{direction}"
+            svg.props["role"] = "group"
+            for name in ("under", "limbs", "scene", "over"):
+                self._parts[direction, name] = ui.html("", tag="g", sanitize=False)
+            if direction == "does":
+                for name, words in _handles_of(study):
+                    self._handles[name] = self._handle(name, words)
+        self._plates[direction] = svg
+        if direction == "does":
+            svg.on("pointerdown", self._down, js_handler=_DOWN)
+            svg.on("pointermove", self._move, throttle=0.04, js_handler=_MOVE)
+            svg.on("pointerup", self._up, js_handler=_UP)
+            svg.on("keydown", self._key, js_handler=_KEY)
+
+    def _handle(self, name: str, words: str) -> ui.element:
+        handle = ui.element("circle").classes("handle")
+        handle.props.update(
+            {
+                "data-testid": name,
+                "tabindex": "0",
+                "role": "slider",
+                "aria-label": words,
+            }
+        )
+        return handle
+
+    # ------------------------------------------------------------------ drawing
+
+    def draw(self, *, moving: bool = False) -> None:
+        """Everything as it is now; the part of the plane that is seen stays while one drags."""
+        desk = self.studio.desk
+        study, problem = desk.study, self.studio.problem
+        if not moving:
+            self.frame = frame_of(study)
+        scenarios = {} if problem else study.scenarios()
+        gap = f"; gap {with_unit(float(study.hand.gap()), study.units)}"
+        for direction, what in _WAYS.items():
+            self._captions[direction].set_text(f"{NAMES[direction]}: {what}{gap}")
+        for direction, pane in self._panes.items():
+            pane.set_visibility(direction == "does" or direction in study.directions)
+            self._plates[direction].props["viewBox"] = self.frame.view_box
+            hand = study.hand if direction == "does" else study.hand.with_fingertips_mirrored()
+            wrong = bool(problem or self.studio.doubt)
+            self._set(direction, "limbs", hand_svg(hand, self.frame, wrong=wrong))
+            self._draw_rest(direction, scenarios.get(direction))
+        self._place_handles(study)
+
+    def redraw(self, direction: str) -> None:
+        """What lies beneath and above the limbs, anew."""
+        problem = self.studio.problem
+        scenarios = {} if problem else self.studio.desk.study.scenarios()
+        self._draw_rest(direction, scenarios.get(direction))
+
+    def _draw_rest(self, direction: str, scenario: Scenario | None) -> None:
+        blank = scenario is None
+        under, over = self.under.get(direction), self.over.get(direction)
+        self._set(direction, "under", "" if blank or under is None else under(self.frame))
+        self._set(direction, "over", "" if blank or over is None else over(self.frame))
+        scene = ""
+        if scenario is not None:
+            scene = scene_svg(scenario, self.frame)
+            if over is None:
+                centre = start_of(scenario)
+                scene += object_svg(scenario.body, centre, None, self.frame)
+        self._set(direction, "scene", scene)
+
+    def _set(self, direction: str, name: str, svg: str) -> None:
+        part = self._parts[direction, name]
+        if part.content != svg:
+            part.set_content(svg)
+
+    def _place_handles(self, study: Study) -> None:
+        places = dict(
+            zip(_names_of(study.hand), np.concatenate(joints_of(study.hand)), strict=True)
+        )
+        places["object"] = self._grip(study)
+        for name, handle in self._handles.items():
+            x, y = places[name]
+            new = {
+                "cx": f"{x:.6g}",
+                "cy": f"{-y:.6g}",
+                "r": f"{(0.017 if name == 'object' else 0.024) * self.frame.size:.5g}",
+            }
+            if any(handle.props.get(k) != v for k, v in new.items()):
+                handle.props.update(new)
+
+    @staticmethod
+    def _grip(study: Study) -> np.ndarray:
+        """Where one takes the object to make it larger: its rightmost reach at the start."""
+        return _first_place(study) + np.array([float(study.body.radius), 0.0])
+
+    # ------------------------------------------------------------------ dragging
+
+    def _down(self, event: events.GenericEventArguments) -> None:
+        self._held, self._before = str(event.args[0]), self.studio.desk.study
+
+    def _move(self, event: events.GenericEventArguments) -> None:
+        if self._held:
+            self._pull(*map(float, event.args), moving=True)
+
+    def _up(self, event: events.GenericEventArguments) -> None:
+        if self._held:
+            self._pull(*map(float, event.args), moving=False)
+        self._held, self._before = "", None
+
+    def _pull(self, x: float, y: float, *, moving: bool) -> None:
+        studio, study = self.studio, self.studio.desk.study
+        assert self._before is not None
+        if self._held == "object":
+            start = _first_place(self._before)
+            reach = float(np.hypot(x - start[0], y - start[1]))
+            factor = max(reach / float(self._before.body.radius), 0.05)
+            body = self._before.body.scaled(float(f"{factor:.3g}"))
+            studio.resize(body, before=self._before, moving=moving)
+            return
+        finger, joint = _joint_of(study.hand, self._held)
+        # From where it was when it was taken: rounding would add up.
+        hand = pulled(self._before.hand, finger, joint, x, y, mirrored=studio.desk.mirrored)
+        studio.bend(hand, before=self._before, moving=moving)
+
+    def _key(self, event: events.GenericEventArguments) -> None:
+        """Left and right turn a limb, up and down make it longer and shorter."""
+        name, key, shift = event.args
+        studio, study = self.studio, self.studio.desk.study
+        many = 5 if shift else 1
+        if name == "object":
+            factor = 1 + 0.02 * many * (1 if key in ("up", "right") else -1)
+            studio.resize(study.body.scaled(factor))
+            return
+        hand = study.hand
+        finger, joint = _joint_of(hand, name)
+        step = 0.01 * many * float(hand.palm_length) * {"up": 1, "down": -1}.get(key, 0)
+        if joint == 0:
+            side = (-1.0, 1.0)[finger]
+            x = side * 0.5 * (float(hand.palm_length) + step)
+            studio.bend(pulled(hand, finger, 0, x, 0.0, mirrored=True))
+            return
+        turn = _DEGREE * many * {"left": 1, "right": -1}.get(key, 0)
+        length = max(float(hand.lengths[finger][joint - 1]) + step, 1e-3 * float(hand.palm_length))
+        angle = float(hand.angles[finger][joint - 1]) + turn
+        mirrored = studio.desk.mirrored
+        studio.bend(limb_set(hand, finger, joint - 1, angle, length, mirrored=mirrored))
+
+
+def start_of(scenario: Scenario) -> np.ndarray:
+    """Where the object starts, but for the spread."""
+    start = scenario.corner_start()
+    return np.array([float(start.x), float(start.y)])
+
+
+def _first_place(study: Study) -> np.ndarray:
+    """Where the object starts inside the hand, whether or not it has room there."""
+    return start_of(does(study.hand, study.body, study.drive, study.law, study.run.start_spread))
+
+
+def _names_of(hand: HandDesign) -> list[str]:
+    """Of all joints, as `joints_of` has them."""
+    return [
+        f"joint-{finger}-{joint}" if joint <= len(row) else f"fingertip-{finger}"
+        for finger, row in enumerate(hand.lengths, start=1)
+        for joint in range(1, len(row) + 2)
+    ]
+
+
+def _joint_of(hand: HandDesign, name: str) -> tuple[int, int]:
+    """Finger and joint of a name, both from 0."""
+    kind, finger, *joint = name.split("-")
+    one = int(finger) - 1
+    return one, len(hand.lengths[one]) if kind == "fingertip" else int(joint[0]) - 1
+
+
+def _handles_of(study: Study) -> list[tuple[str, str]]:
+    """Names of what can be dragged, and what screen readers say of it."""
+    words: dict[str, Any] = {
+        name: f"{name.replace('-', ' ')}: left and right turn its limb, up and down lengthen it"
+        for name in _names_of(study.hand)
+    }
+    return [("object", "object: up and down change its size"), *words.items()]

@@ -1,0 +1,104 @@
+"""The design on the page: what it is, what it was, and what is wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pcjax.model.checking import check_geometry
+from pcjax.study.spec import Study
+from pcjax.units import with_unit
+
+_KEPT = 200
+"""Changes that can be undone."""
+
+
+@dataclass
+class Desk:
+    """One person's design, and the ways back.
+
+    Attributes:
+        opened: the study as it was opened.
+        study: as it is now.
+        name: of the study's file, if it has one.
+        undone: what `redo` goes to, the next last.
+        done: what `undo` goes to, the next last.
+        pinned: what the design is compared with.
+        mirrored: whether both fingers move together.
+        clearance: the least that the gap has to be wider than the object, in palm lengths.
+    """
+
+    opened: Study
+    study: Study
+    name: str = ""
+    done: list[Study] = field(default_factory=list)
+    undone: list[Study] = field(default_factory=list)
+    pinned: Study | None = None
+    mirrored: bool = True
+    clearance: float = 0.04
+
+    @classmethod
+    def of(cls, study: Study, name: str = "") -> Desk:
+        """A study that has just been opened."""
+        lengths, angles = study.hand.lengths, study.hand.angles
+        return cls(study, study, name, mirrored=lengths[0] == lengths[1] and angles[0] == angles[1])
+
+    def kept(self) -> dict[str, Any]:
+        """All of it, for a page that is loaded again; lists of its own."""
+        return {k: list(v) if isinstance(v, list) else v for k, v in vars(self).items()}
+
+    @classmethod
+    def again(cls, kept: Mapping[str, Any]) -> Desk:
+        """From `kept`."""
+        own: dict[str, Any] = {k: list(v) if isinstance(v, list) else v for k, v in kept.items()}
+        return cls(**own)
+
+    def change(self, study: Study, before: Study | None = None) -> None:
+        """Takes a new design; `before` is what undo goes back to, unless given the present one."""
+        before = self.study if before is None else before
+        self.study = study
+        if study is not before:
+            self.done = [*self.done, before][-_KEPT:]
+            self.undone = []
+
+    def undo(self) -> None:
+        """One change back."""
+        if self.done:
+            self.undone.append(self.study)
+            self.study = self.done.pop()
+
+    def redo(self) -> None:
+        """One change on again."""
+        if self.undone:
+            self.done.append(self.study)
+            self.study = self.undone.pop()
+
+    def reset(self) -> None:
+        """As it was opened."""
+        self.change(self.opened)
+
+
+def problem_of(study: Study) -> str:
+    """Why a study cannot be evaluated; else ""."""
+    try:
+        for scenario in study.scenarios().values():
+            check_geometry(scenario)
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
+def doubt_of(study: Study, clearance: float) -> str:
+    """Why a study that can be evaluated breaks a limit; else "".
+
+    Arguments:
+        study: what.
+        clearance: the least that the gap has to be wider than the object, in palm lengths.
+    """
+    gap, width = float(study.hand.gap()), float(study.body.width)
+    least = width + clearance * float(study.hand.palm_length)
+    if gap >= least * (1 - 1e-9):
+        return ""
+    one, other, more = (with_unit(x, study.units) for x in (gap, width, least - width))
+    return f"the gap is {one}, less than the object's {other} and a clearance of {more}"

@@ -1,0 +1,182 @@
+"""The indices and the score as they come in, and how a pinned design compares."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from nicegui import ui
+
+from pcjax.physics.state import PAPER_DT
+from pcjax.quality.indices import Estimate
+from pcjax.results.evaluation import Evaluation
+from pcjax.results.schema import NAMES
+from pcjax.view.shapes import COLOURS
+from pcjax.view.web.studio import Look, Studio
+
+_Z95 = 1.96
+
+_POINTS = 120
+"""Of a survival curve."""
+
+
+class Numbers:
+    """The table and the verdict."""
+
+    def __init__(self, studio: Studio):
+        self.studio = studio
+        with ui.element("section").classes("card numbers"):
+            with ui.element("div").classes("head"):
+                self._big = _told("score", "big")
+                self._about = _told("about", "quiet")
+            self._cells: dict[tuple[str, str], ui.label] = {}
+            with ui.element("div").classes("figures"):
+                for head in ("", "index 1 [steps of 0.001 s]", "index 2"):
+                    ui.label(head).classes("quiet")
+                for direction, name in NAMES.items():
+                    ui.label(name)
+                    for index in ("index1", "index2"):
+                        self._cells[direction, index] = _told(f"{index}-{direction}", "")
+                ui.label("score")
+                for index in ("index1", "index2"):
+                    self._cells["score", index] = _told(f"score-{index}", "")
+            self._problem = _told("problem", "problem")
+            self._against = _told("against", "against")
+        studio.on_design.append(self._on_design)
+        studio.on_look.append(self._on_look)
+        self._on_design(False)
+
+    def _on_design(self, moving: bool) -> None:
+        desk = self.studio.desk
+        problem = self.studio.problem
+        self._problem.set_text(problem or self.studio.doubt)
+        self._problem.set_visibility(bool(self._problem.text))
+        self._against.set_visibility(desk.pinned is not None)
+        if problem:
+            self._big.set_text("no score")
+            self._about.set_text("")
+            self._against.set_text("")
+            for cell in self._cells.values():
+                cell.set_text("—")
+
+    def _on_look(self, look: Look) -> None:
+        found = look.found
+        both = len(found.directions) == 2
+        score = found.score() if both else {}
+        for (direction, index), cell in self._cells.items():
+            if direction == "score":
+                one = score.get(index)
+            else:
+                one = found.indices(direction)[index] if direction in found.directions else None
+            form = ",.0f" if index == "index1" and direction != "score" else ".3f"
+            cell.set_text("—" if one is None else with_interval(one, form))
+        main = found.main
+        what = "score" if both else "DoEs"
+        self._big.set_text(f"{what} {with_interval(main, '.3f' if both else ',.0f')}")
+        self._about.set_text(f"{found.trials:,} trials a direction, {1000 * look.seconds:.0f} ms")
+        invalid = sum(found.status(d)["invalid"] for d in found.directions)
+        if invalid:
+            self._about.set_text(f"{self._about.text}; {invalid} went wrong")
+        self._tell_against(look, ".3f" if both else ",.0f")
+
+    def _tell_against(self, look: Look, form: str) -> None:
+        if self.studio.desk.pinned is None:
+            return
+        one = look.against
+        if one is None or math.isnan(one.value):
+            self._against.set_text("against the pinned design: not to be compared")
+            return
+        verdict = "better" if one.low > 0 else "worse" if one.high < 0 else "not certain"
+        text = with_interval(one, f"+{form}")
+        self._against.set_text(f"against the pinned design {text}: {verdict}")
+
+
+class Curves:
+    """The survival curves of both directions."""
+
+    def __init__(self, studio: Studio):
+        with ui.element("section").classes("card survival"):
+            self._chart = ui.echart(_curves()).classes("curves")
+            self._chart.props["data-testid"] = "survival"
+        studio.on_look.append(self._on_look)
+
+    def _on_look(self, look: Look) -> None:
+        found, options = look.found, self._chart.options
+        for k, direction in enumerate(NAMES):
+            lines = _lines(found, direction) if direction in found.directions else [[], [], []]
+            for j, line in enumerate(lines):
+                options["series"][3 * k + j]["data"] = line
+        options["xAxis"]["max"] = found.max_steps * PAPER_DT
+        self._chart.update()
+
+
+def with_interval(one: Estimate, form: str) -> str:
+    """Value and 95 % interval."""
+    if math.isnan(one.value):
+        return "undefined"
+    return f"{one.value:{form}} [{one.low:{form}}, {one.high:{form}}]"
+
+
+def _told(name: str, classes: str) -> ui.label:
+    label = ui.label("").classes(classes)
+    label.props["data-testid"] = name
+    return label
+
+
+def _lines(found: Evaluation, direction: str) -> list[list[list[float]]]:
+    """The curve, its band's lower edge, and how wide the band is."""
+    steps, left = found.survival(direction)
+    times = np.linspace(0.0, found.max_steps, _POINTS)
+    share = left[np.searchsorted(steps, times, side="right") - 1]
+    reach = _Z95 * np.sqrt(share * (1 - share) / found.trials)
+    low, high = np.maximum(share - reach, 0.0), np.minimum(share + reach, 1.0)
+    seconds = times * PAPER_DT
+    return [
+        np.round(np.stack([seconds, values], axis=1), 4).tolist()
+        for values in (share, low, high - low)
+    ]
+
+
+def _curves() -> dict[str, Any]:
+    series: list[dict[str, Any]] = []
+    for direction, colour in zip(NAMES, COLOURS, strict=False):
+        base: dict[str, Any] = {"type": "line", "symbol": "none", "animation": False, "data": []}
+        hidden = {"lineStyle": {"opacity": 0}, "silent": True, "tooltip": {"show": False}}
+        series += [
+            base | {"name": NAMES[direction], "color": colour, "lineStyle": {"width": 2}},
+            base | hidden | {"stack": direction},
+            base | hidden | {"stack": direction, "areaStyle": {"color": colour, "opacity": 0.2}},
+        ]
+    return axes(
+        "time [s]",
+        "share still held",
+        series,
+        [NAMES[d] for d in NAMES],
+        yAxis={"min": 0, "max": 1},
+    )
+
+
+def axes(
+    x: str, y: str, series: list[dict[str, Any]], legend: list[str], **more: dict[str, Any]
+) -> dict[str, Any]:
+    """A chart's options: colours that can be read on a light page and on a dark one."""
+    grey = "#8a8a8a"
+    axis = {
+        "type": "value",
+        "nameTextStyle": {"color": grey},
+        "axisLabel": {"color": grey, "hideOverlap": True},
+        "axisLine": {"lineStyle": {"color": grey}},
+        "splitLine": {"lineStyle": {"color": grey, "opacity": 0.25}},
+    }
+    across = {"name": x, "nameLocation": "middle", "nameGap": 26}
+    up = {"name": y, "nameLocation": "middle", "nameGap": 42, "nameRotate": 90, "scale": True}
+    return {
+        "animation": False,
+        "grid": {"left": 60, "right": 16, "top": 28, "bottom": 44},
+        "legend": {"data": legend, "textStyle": {"color": grey}, "top": 0},
+        "tooltip": {"trigger": "axis"},
+        "xAxis": axis | across | more.get("xAxis", {}),
+        "yAxis": axis | up | more.get("yAxis", {}),
+        "series": series,
+    }

@@ -1,0 +1,182 @@
+"""The page: the hand to drag, its numbers, and what can be done with it."""
+
+from __future__ import annotations
+
+from asyncio import to_thread
+from functools import partial
+from pathlib import Path
+
+from nicegui import app, events, ui
+
+from pcjax.study.spec import Study
+from pcjax.view.web.along import Along
+from pcjax.view.web.canvas import Canvas
+from pcjax.view.web.desk import Desk
+from pcjax.view.web.files import EXPORTS, listed, open_study, save_study
+from pcjax.view.web.improve import Improve
+from pcjax.view.web.numbers import Curves, Numbers
+from pcjax.view.web.panel import Panel
+from pcjax.view.web.studio import Studio
+from pcjax.view.web.watch import Watch
+
+STYLE = Path(__file__).with_name("style.css")
+
+_ENDINGS = (".toml",)
+
+
+async def page(study: Study, name: str, folder: Path) -> None:
+    """Builds the page of one visitor, whose design is nobody else's.
+
+    Arguments:
+        study, name: what it begins with, and the name of its file.
+        folder: where files may be read and written.
+    """
+    ui.add_css(STYLE)
+    dark = ui.dark_mode(None)
+    await ui.context.client.connected()
+    kept = app.storage.tab
+    desk = Desk.again(kept["desk"]) if "desk" in kept else Desk.of(study, name)
+
+    def keep(desk: Desk) -> None:
+        kept["desk"] = desk.kept()
+
+    studio = Studio(desk, folder, keep)
+    studio.refused = partial(ui.notify, type="negative", multi_line=True)  # pyright: ignore
+    ui.context.client.on_delete(partial(_close, studio))
+    _bar(studio, dark)
+    with ui.element("main").classes("columns"):
+        with ui.element("div").classes("stack"):
+            with ui.element("section").classes("card hand"):
+                Watch(studio, Canvas(studio))
+            Curves(studio)
+        with ui.element("div").classes("stack"):
+            Numbers(studio)
+            _tabs(studio)
+    studio.tell()
+
+
+def _close(studio: Studio) -> None:
+    studio.closed = True
+
+
+def _tabs(studio: Studio) -> None:
+    with ui.element("section").classes("card"):
+        with ui.tabs().props("dense no-caps align=left") as tabs:
+            design = ui.tab("design")
+            improve = ui.tab("improve")
+            along = ui.tab("sweep")
+        with ui.tab_panels(tabs, value=design).props("keep-alive"):
+            with ui.tab_panel(design):
+                Panel(studio)
+            with ui.tab_panel(improve):
+                Improve(studio)
+            with ui.tab_panel(along):
+                Along(studio)
+
+
+def _bar(studio: Studio, dark: ui.dark_mode) -> None:
+    with ui.element("header").classes("bar"):
+        ui.label("pcjax").classes("title")
+        name = ui.label().classes("name")
+        name.props["data-testid"] = "name"
+        for text, icon, words, act in (
+            ("open", "folder_open", "open a study file", partial(_open, studio)),
+            ("save", "save", "save as a study file", partial(_save, studio)),
+            ("undo", "undo", "undo (Ctrl+Z)", studio.undo),
+            ("redo", "redo", "redo (Ctrl+Y)", studio.redo),
+            ("reset", "restart_alt", "as it was opened", studio.reset),
+            ("pin", "push_pin", "compare what follows with this design", studio.pin),
+        ):
+            button = ui.button(icon=icon, on_click=act).props("flat dense")
+            button.props["aria-label"] = words
+            button.props["data-testid"] = text
+            button.tooltip(words)
+        with ui.button(icon="download").props("flat dense") as export:
+            export.props["aria-label"] = "export"
+            export.props["data-testid"] = "export"
+            with ui.menu():
+                for ending in EXPORTS:
+                    item = ui.menu_item(ending.upper(), partial(_export, studio, ending))
+                    item.props["data-testid"] = f"export-{ending}"
+        shade = ui.button(icon="contrast", on_click=partial(_shade, dark)).props("flat dense")
+        shade.props["aria-label"] = "light or dark"
+        shade.props["data-testid"] = "shade"
+
+    def called(moving: bool = False) -> None:
+        desk = studio.desk
+        name.set_text((desk.name or "a design without a file") if not moving else name.text)
+
+    studio.on_design.append(called)
+    ui.keyboard(on_key=partial(_key, studio))
+
+
+def _shade(dark: ui.dark_mode) -> None:
+    """Light, dark, or as the system has it."""
+    dark.value = {None: True, True: False, False: None}[dark.value]
+
+
+def _key(studio: Studio, event: events.KeyEventArguments) -> None:
+    if not (event.action.keydown and (event.modifiers.ctrl or event.modifiers.meta)):
+        return
+    if event.key.name.lower() == "z":
+        (studio.redo if event.modifiers.shift else studio.undo)()
+    elif event.key.name.lower() == "y":
+        studio.redo()
+
+
+async def _ask(title: str, what: str, names: list[str], usual: str) -> str | None:
+    """Asks for the name of a file; None if it was thought better of."""
+    with ui.dialog() as dialog, ui.card():
+        ui.label(title).classes("text-lg")
+        typed = ui.input("file, from the folder of the page", value=usual)
+        typed.props["data-testid"] = "file"
+        typed.props("autofocus").classes("w-80")
+        if names:
+            chosen = ui.select(names, label="or one of these").classes("w-80")
+            chosen.on_value_change(lambda event: typed.set_value(event.value))
+        with ui.element("div").classes("line"):
+            done = ui.button(what, on_click=lambda: dialog.submit(typed.value)).props("no-caps")
+            done.props["data-testid"] = "file-done"
+            ui.button("cancel", on_click=lambda: dialog.submit(None)).props("no-caps flat")
+        typed.on("keydown.enter", lambda: dialog.submit(typed.value))
+    return await dialog
+
+
+async def _open(studio: Studio) -> None:
+    names = await to_thread(listed, studio.folder, _ENDINGS)
+    name = await _ask("Open a study", "open", names or [], studio.desk.name)
+    if name is None:
+        return
+    try:
+        study = await to_thread(open_study, studio.folder, name)
+    except ValueError as error:
+        studio.refused(str(error))
+        return
+    studio.open(study, name.strip())
+    ui.notify(f"opened {name.strip()}", type="positive")
+
+
+async def _save(studio: Studio) -> None:
+    name = await _ask("Save the study", "save", [], studio.desk.name or "hand.toml")
+    if name is None:
+        return
+    try:
+        written = await to_thread(save_study, studio.folder, name, studio.desk.study)
+    except ValueError as error:
+        studio.refused(str(error))
+        return
+    studio.desk.name = written
+    studio.tell()
+    ui.notify(f"saved {written}", type="positive")
+
+
+async def _export(studio: Studio, ending: str) -> None:
+    study, last = studio.desk.study, studio.last
+    found = last.found if last is not None and last.study is study else None
+    try:
+        content = await to_thread(EXPORTS[ending], study, found)
+    except ValueError as error:
+        studio.refused(str(error))
+        return
+    stem = Path(studio.desk.name or "hand").stem
+    ui.download(content, f"{stem}.{ending}")

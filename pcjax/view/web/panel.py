@@ -1,0 +1,124 @@
+"""Sliders with numbers beside them, for everything that can be turned."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+from nicegui import events, ui
+
+from pcjax.study.spec import Study
+from pcjax.view.web.dials import GROUPS, Dial, alike, dials_of
+from pcjax.view.web.studio import Studio
+
+
+class Panel:
+    """A row for each number, in groups."""
+
+    def __init__(self, studio: Studio):
+        self.studio = studio
+        self._rows: dict[str, tuple[ui.slider, ui.number]] = {}
+        self._shown: dict[str, float] = {}
+        self._before: Study | None = None
+        self._all = ui.element("div").classes("dials")
+        self._build()
+        studio.on_opened.append(self._build)
+        studio.on_design.append(self._update)
+
+    def _build(self) -> None:
+        self._all.clear()
+        self._rows, self._shown = {}, {}
+        desk = self.studio.desk
+        dials = dials_of(desk.study, mirrored=desk.mirrored)
+        with self._all:
+            both = ui.switch("both fingers together", value=desk.mirrored)
+            both.props["data-testid"] = "mirrored"
+            both.set_enabled(alike(desk.study.hand))
+            both.on_value_change(self._mirror)
+            for group, title in GROUPS.items():
+                mine = [dial for dial in dials if dial.group == group]
+                if mine:
+                    with ui.expansion(title, value=group in ("hand", "body")).classes("group"):
+                        for dial in mine:
+                            self._row(dial)
+            with ui.expansion("Limits").classes("group"), ui.element("div").classes("line"):
+                ui.label("clearance [palm lengths]")
+                least = ui.number(value=desk.clearance, min=0.0, max=1.0, step=0.01)
+                least.on_value_change(self._clear)
+
+    def _row(self, dial: Dial) -> None:
+        with ui.element("div").classes("line"):
+            ui.label(dial.text)
+            value = _within(dial)
+            slider = ui.slider(min=dial.low, max=dial.high, step=dial.step, value=value)
+            slider.props["aria-label"] = dial.text
+            slider.props["data-testid"] = f"slider-{dial.label}"
+            number = ui.number(value=_short(dial.value), step=dial.step, format="%.6g")
+            number.props["aria-label"] = dial.text
+            number.props["data-testid"] = f"number-{dial.label}"
+            number.props("dense")
+        slider.on("update:model-value", partial(self._slide, dial.label), throttle=0.04)
+        slider.on("change", partial(self._drop, dial.label))
+        number.on("change", partial(self._type, dial.label))
+        self._rows[dial.label] = slider, number
+        self._shown[dial.label] = dial.value
+
+    def _update(self, moving: bool) -> None:
+        """The numbers as they are now."""
+        desk = self.studio.desk
+        dials = dials_of(desk.study, mirrored=desk.mirrored)
+        if {dial.label for dial in dials} != set(self._rows):
+            self._build()
+            return
+        for dial in dials:
+            old = self._shown[dial.label]
+            if old == dial.value or (math.isnan(old) and math.isnan(dial.value)):
+                continue
+            self._shown[dial.label] = dial.value
+            slider, number = self._rows[dial.label]
+            slider.value = _within(dial)
+            number.value = _short(dial.value)
+
+    def _slide(self, label: str, event: events.GenericEventArguments) -> None:
+        if event.args is None:
+            return
+        if self._before is None:
+            self._before = self.studio.desk.study
+        self._shown[label] = math.nan  # what the slider shows is the browser's
+        self._say(label, self.studio.turn(label, float(event.args), moving=True))
+
+    def _drop(self, label: str, event: events.GenericEventArguments) -> None:
+        before, self._before = self._before, None
+        why = self.studio.turn(label, float(event.args), before=before)
+        self._say(label, why)
+
+    def _type(self, label: str) -> None:
+        value = self._rows[label][1].value
+        why = "it has to be a number"
+        if value is not None and math.isfinite(value):
+            self._shown[label] = math.nan
+            why = self.studio.turn(label, float(value))
+        self._say(label, why)
+
+    def _say(self, label: str, why: str) -> None:
+        if why:
+            self.studio.refused(f"{label}: {why}")
+            self._update(False)
+
+    def _mirror(self, event: events.ValueChangeEventArguments) -> None:
+        self.studio.desk.mirrored = bool(event.value)
+        self.studio.renew()
+
+    def _clear(self, event: events.ValueChangeEventArguments) -> None:
+        if event.value is not None and 0 <= event.value <= 1:
+            self.studio.desk.clearance = float(event.value)
+            self.studio.tell()
+
+
+def _within(dial: Dial) -> float:
+    value = 0.0 if math.isnan(dial.value) else dial.value
+    return min(max(value, dial.low), dial.high)
+
+
+def _short(value: float) -> float | None:
+    return None if math.isnan(value) else float(f"{value:.6g}")
