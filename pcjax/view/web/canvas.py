@@ -41,11 +41,6 @@ _MOVE = f"""(e) => {{
   if (e.currentTarget.hasPointerCapture(e.pointerId)) emit(...at(e));
 }}"""
 
-_UP = f"""(e) => {{
-  {_PLACE}
-  if (e.currentTarget.hasPointerCapture(e.pointerId)) emit(...at(e));
-}}"""
-
 _KEY = """(e) => {
   const name = e.target.dataset.testid;
   if (!name || !e.key.startsWith('Arrow')) return;
@@ -67,11 +62,10 @@ class Canvas:
         """What lies beneath the limbs in each direction, as SVG."""
         self.over: dict[str, Callable[[Frame], str]] = {}
         """What takes the object's place, as SVG: a trial that is played."""
-        self.frame = frame_of(studio.desk.study)
+        self.frame = frame_of(studio.desk.study.hand, both=True)
         self._before: Study | None = None
         self._held = ""
         self._handles: dict[str, ui.element] = {}
-        self._panes: dict[str, ui.element] = {}
         self._parts: dict[tuple[str, str], ui.html] = {}
         self._plates: dict[str, ui.element] = {}
         self._captions: dict[str, ui.label] = {}
@@ -86,12 +80,11 @@ class Canvas:
         self._row.clear()
         self._handles, self._parts, self._captions = {}, {}, {}
         study = self.studio.desk.study
-        self.frame = frame_of(study)
+        self._plates = {}
         with self._row:
-            for direction in _WAYS:
-                with ui.element("figure").classes("pane") as figure:
+            for direction in _WAYS if "eoen" in study.directions else ("does",):
+                with ui.element("figure").classes("pane"):
                     self._pane(direction, study)
-                self._panes[direction] = figure
         self.draw(moving=False)
 
     def _pane(self, direction: str, study: Study) -> None:
@@ -109,7 +102,10 @@ class Canvas:
         if direction == "does":
             svg.on("pointerdown", self._down, js_handler=_DOWN)
             svg.on("pointermove", self._move, throttle=0.04, js_handler=_MOVE)
-            svg.on("pointerup", self._up, js_handler=_UP)
+            svg.on("pointerup", self._up, js_handler=_MOVE)
+            svg.on("pointercancel", self._up, js_handler=_MOVE)
+            # A finger on a joint drags it, and elsewhere it scrolls the page.
+            svg.on("touchstart", js_handler="(e) => e.target.dataset.testid && e.preventDefault()")
             svg.on("keydown", self._key, js_handler=_KEY)
 
     def _handle(self, name: str, words: str) -> ui.element:
@@ -131,13 +127,13 @@ class Canvas:
         desk = self.studio.desk
         study, problem = desk.study, self.studio.problem
         if not moving:
-            self.frame = frame_of(study)
+            self.frame = frame_of(study.hand, both="eoen" in self._plates)
         scenarios = {} if problem else study.scenarios()
         gap = f"; gap {with_unit(float(study.hand.gap()), study.units)}"
-        for direction, what in _WAYS.items():
-            self._captions[direction].set_text(f"{NAMES[direction]}: {what}{gap}")
-        for direction, pane in self._panes.items():
-            pane.set_visibility(direction == "does" or direction in study.directions)
+        for direction, caption in self._captions.items():
+            caption.set_text(f"{NAMES[direction]}: {_WAYS[direction]}{gap}")
+        for direction in self._plates:
+            # What is wrong has no EoEn, but its place stays: nothing may move while one drags.
             self._plates[direction].props["viewBox"] = self.frame.view_box
             hand = study.hand if direction == "does" else study.hand.with_fingertips_mirrored()
             wrong = bool(problem or self.studio.doubt)
@@ -147,6 +143,8 @@ class Canvas:
 
     def redraw(self, direction: str) -> None:
         """What lies beneath and above the limbs, anew."""
+        if direction not in self._plates:
+            return
         problem = self.studio.problem
         scenarios = {} if problem else self.studio.desk.study.scenarios()
         self._draw_rest(direction, scenarios.get(direction))

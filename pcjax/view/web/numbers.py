@@ -26,7 +26,7 @@ class Numbers:
 
     def __init__(self, studio: Studio):
         self.studio = studio
-        with ui.element("section").classes("card numbers"):
+        with ui.element("section").classes("card numbers") as self._card:
             with ui.element("div").classes("head"):
                 self._big = _told("score", "big")
                 self._about = _told("about", "quiet")
@@ -43,6 +43,7 @@ class Numbers:
                     self._cells["score", index] = _told(f"score-{index}", "")
             self._problem = _told("problem", "problem")
             self._against = _told("against", "against")
+        studio.on_opened.append(self._clear)
         studio.on_design.append(self._on_design)
         studio.on_look.append(self._on_look)
         self._on_design(False)
@@ -53,15 +54,23 @@ class Numbers:
         self._problem.set_text(problem or self.studio.doubt)
         self._problem.set_visibility(bool(self._problem.text))
         self._against.set_visibility(desk.pinned is not None)
+        # Until the first look the numbers are those of another design.
+        self._card.classes(add="stale")
         if problem:
-            self._big.set_text("no score")
-            self._about.set_text("")
-            self._against.set_text("")
-            for cell in self._cells.values():
-                cell.set_text("—")
+            self._clear("no score", "")
+            self._card.classes(remove="stale")
+
+    def _clear(self, score: str = "…", about: str = "another kind of study takes seconds") -> None:
+        self._big.set_text(score)
+        self._about.set_text(about)
+        self._against.set_text("")
+        for cell in self._cells.values():
+            cell.set_text("—")
 
     def _on_look(self, look: Look) -> None:
         found = look.found
+        if look.study is self.studio.desk.study:
+            self._card.classes(remove="stale")
         both = len(found.directions) == 2
         score = found.score() if both else {}
         for (direction, index), cell in self._cells.items():

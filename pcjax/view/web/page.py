@@ -34,6 +34,8 @@ async def page(study: Study, name: str, folder: Path) -> None:
     ui.add_css(STYLE)
     dark = ui.dark_mode(None)
     await ui.context.client.connected()
+    if not ui.context.client.has_socket_connection:
+        return  # whoever asked has gone, or is no browser
     kept = app.storage.tab
     desk = Desk.again(kept["desk"]) if "desk" in kept else Desk.of(study, name)
 
@@ -102,11 +104,11 @@ def _bar(studio: Studio, dark: ui.dark_mode) -> None:
         shade.props["aria-label"] = "light or dark"
         shade.props["data-testid"] = "shade"
 
-    def called(moving: bool = False) -> None:
-        desk = studio.desk
-        name.set_text((desk.name or "a design without a file") if not moving else name.text)
+    def called() -> None:
+        name.set_text(studio.desk.name or "a design without a file")
 
-    studio.on_design.append(called)
+    called()
+    studio.on_named.append(called)
     ui.keyboard(on_key=partial(_key, studio))
 
 
@@ -165,8 +167,7 @@ async def _save(studio: Studio) -> None:
     except ValueError as error:
         studio.refused(str(error))
         return
-    studio.desk.name = written
-    studio.tell()
+    studio.rename(written)
     ui.notify(f"saved {written}", type="positive")
 
 

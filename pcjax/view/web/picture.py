@@ -11,7 +11,6 @@ from jaxtyping import Float
 from pcjax.model.bodies.base import Body, placed_outline
 from pcjax.model.hand import HandDesign, points_of
 from pcjax.model.scenario import Scenario
-from pcjax.study.spec import Study
 from pcjax.view.shapes import rounded
 from pcjax.view.web.dials import joints_of
 
@@ -38,14 +37,12 @@ class Frame:
         return max(self.width, self.height)
 
 
-def frame_of(study: Study) -> Frame:
-    """What shows a hand in both of its directions, with room to drag."""
-    hands = [study.hand]
-    if "eoen" in study.directions:
-        hands.append(study.hand.with_fingertips_mirrored())
+def frame_of(hand: HandDesign, *, both: bool) -> Frame:
+    """What shows a hand in one or both of its directions, with room to drag."""
+    hands = [hand, hand.with_fingertips_mirrored()] if both else [hand]
     corners = np.concatenate([np.concatenate(joints_of(hand)) for hand in hands])
     low, high = corners.min(axis=0), corners.max(axis=0)
-    room = 0.14 * float(np.max(high - low)) + float(study.hand.thickness)
+    room = 0.14 * float(np.max(high - low)) + float(hand.thickness)
     low, high = low - room, high + room
     return Frame(*map(float, (low[0], low[1], *(high - low))))
 

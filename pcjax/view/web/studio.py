@@ -61,6 +61,7 @@ class Studio:
         self.on_look: list[Callable[[Look], None]] = []
         self.on_opened: list[Callable[[], None]] = []
         """Called when it is another study altogether, or other numbers can be turned."""
+        self.on_named: list[Callable[[], None]] = []
         self.last: Look | None = None
         self.problem = self.doubt = ""
         """Why the design cannot be evaluated, or breaks a limit."""
@@ -117,7 +118,15 @@ class Studio:
         self.desk = Desk.of(study, name)
         self._pinned = {}
         self._check()
+        self.rename(name)
         self.renew()
+
+    def rename(self, name: str) -> None:
+        """The design is in another file."""
+        self.desk.name = name
+        self._keep(self.desk)
+        for told in self.on_named:
+            told()
 
     def renew(self) -> None:
         """Tells that other numbers can be turned."""
