@@ -11,6 +11,7 @@ import time
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -35,9 +36,17 @@ _START = 180.0
 """Seconds that it may take to compile all that the page runs."""
 
 
+@dataclass(frozen=True)
+class Served:
+    """Where a page is, and the process that serves it."""
+
+    address: str
+    process: int
+
+
 @contextmanager
-def page_served(folder: Path, *arguments: str) -> Iterator[str]:
-    """Runs `pcjax view` in a folder; the page's address."""
+def page_served(folder: Path, *arguments: str) -> Iterator[Served]:
+    """Runs `pcjax view` in a folder."""
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         port = one.getsockname()[1]
@@ -58,7 +67,7 @@ def page_served(folder: Path, *arguments: str) -> Iterator[str]:
                         said.seek(0)
                         raise AssertionError(f"no page: {said.read()}") from None
                     time.sleep(0.1)
-            yield address
+            yield Served(address, server.pid)
         finally:
             server.terminate()
             server.wait()
