@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from pcjax.simulate.engine import Engine, register_engine
     from pcjax.simulate.stepping import trajectory
     from pcjax.study.compare import Ranking, compare
+    from pcjax.study.drawing import read_drawing
     from pcjax.study.evaluate import evaluate, evaluate_grid, evaluate_study
     from pcjax.study.inspect import Inspection, inspect
     from pcjax.study.read import load_study
@@ -86,6 +87,7 @@ _WHERE = {
     "load_study": "pcjax.study.read",
     "optimize": "pcjax.design.optimize",
     "plot_map": "pcjax.view.designs",
+    "read_drawing": "pcjax.study.drawing",
     "register_body": "pcjax.model.bodies.base",
     "register_drive": "pcjax.model.drives.base",
     "register_engine": "pcjax.simulate.engine",
@@ -146,6 +148,7 @@ __all__ = [
     "load_study",
     "optimize",
     "plot_map",
+    "read_drawing",
     "register_body",
     "register_drive",
     "register_engine",

@@ -678,6 +678,56 @@ def test_export_reads_a_study_file(command: Command, tmp_path: Path):
         assert "OUTLINES" in (tmp_path / f"hand.{ending}").read_text()
 
 
+def test_a_drawn_hand_becomes_a_study(command: Command, tmp_path: Path):
+    hand = pcjax.HandDesign(90.0, ((80.0,), (70.0, 40.0)), ((1.5,), (1.6, 1.4)), 6.0)
+    for ending, units in (("svg", "mm"), ("dxf", "cm")):
+        pcjax.export_hand(hand, f"hand.{ending}", units=units)
+        done = command(f"study --hand hand.{ending}")
+        assert (done.code, done.err) == (0, "")
+        (tmp_path / f"{ending}.toml").write_text(done.out)
+        study = pcjax.load_study(tmp_path / f"{ending}.toml")
+        assert study.units == units
+        assert study.body == pcjax.Circle(4.5)  # 0.05 of the palm
+        assert study.drive.gravity == pytest.approx({"mm": 9800, "cm": 980}[units])
+        np.testing.assert_allclose(jax.tree.leaves(study.hand), jax.tree.leaves(hand), rtol=1e-9)
+    # One may say the rest, and where it goes.
+    line = "study --hand hand.dxf own.toml --units mm --palm 3 --thickness 2 --radius 5"
+    assert command(line) == Done(0, "", "")
+    study = pcjax.load_study(tmp_path / "own.toml")
+    assert (study.units, study.body, study.hand.thickness) == ("mm", pcjax.Circle(5.0), 2.0)
+    assert study.hand.palm_length == pytest.approx(700)
+    assert command("evaluate svg.toml --trials 20 --max-steps 20_000").code == 0
+
+
+def test_the_unit_of_a_drawing_is_said_where_it_is_taken_to_be_one(
+    command: Command, tmp_path: Path
+):
+    (tmp_path / "hand.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg"><polyline points="0,0 0,90 80,90 80,0"/></svg>'
+    )
+    done = command("study --hand hand.svg")
+    assert (done.code, len(done.err.splitlines())) == (0, 1)
+    assert "hand.svg does not say its unit: taken to be mm" in done.err
+    assert 'length = "mm"' in done.out
+    done = command("study --hand hand.svg --units model")
+    assert (done.code, done.err) == (0, "")
+    assert 'length = "model"' in done.out
+
+
+def test_drawings_and_flags_that_make_no_study(command: Command, tmp_path: Path):
+    (tmp_path / "hand.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg"/>')
+    check_refused(command("study --hand hand.svg"), "hand.svg", "no lines")
+    check_refused(command("study --hand hand.step"), "hand.step", "ending")
+    check_refused(command("study --hand hand.svg --example"), "--example and --hand")
+    for flag in ("--radius 3", "--units mm", "--palm 2", "--thickness 1"):
+        check_refused(command(f"study {flag}"), flag.split()[0], "name its file with --hand")
+    (tmp_path / "own.toml").write_text("mine")
+    pcjax.export_hand(pcjax.box_hand(), tmp_path / "box.svg")
+    check_refused(command("study --hand box.svg own.toml"), "own.toml is there already")
+    check_refused(command("study --hand box.svg --radius -1"), "radius")
+    assert (tmp_path / "own.toml").read_text() == "mine"
+
+
 # ------------------------------------------------------------------------------ figures, claims
 
 

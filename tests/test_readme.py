@@ -46,6 +46,8 @@ def test_command(
     if "sweep.nc" in words and words[0] != "sweep":
         (tmp_path / "study.toml").write_text(EXAMPLE)
         main(["sweep", str(tmp_path / "study.toml"), "--out", str(tmp_path / "sweep.nc"), *SMALL])
+    if "--hand" in words:
+        pcjax.export_hand(pcjax.box_hand(), tmp_path / "hand.dxf", units="mm")
     capsys.readouterr()
     main(words)
     assert capsys.readouterr().out or words[0] in ("study", "plot")

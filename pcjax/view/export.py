@@ -64,7 +64,8 @@ def export_hand(
 ) -> Path:
     """Draws a hand to scale, y up.
 
-    Layers (groups of an SVG file): LIMBS, the middle line from fingertip to fingertip; JOINTS,
+    Layers (groups of an SVG file): LIMBS, the middle line from fingertip to fingertip, in three
+    parts if the fingers differ in their number of limbs, so that the palm can be told; JOINTS,
     circles where limbs meet; GOAL, the goal line; for limbs with a thickness OUTLINES, the
     surfaces of each and of the palm, a slot with round ends about its joints; and if asked for
     OBJECT, the object at a start.
@@ -89,7 +90,10 @@ def export_hand(
     path = Path(path)
     drawing = (_Svg if path.suffix.lower() == ".svg" else _Dxf)("mm" if units == "model" else units)
     line = points_of(hand)
-    drawing.line("LIMBS", line)
+    left, right = map(len, hand.lengths)
+    cuts = [0, len(line) - 1] if left == right else [0, left, left + 1, len(line) - 1]
+    for first, last in pairwise(cuts):
+        drawing.line("LIMBS", line[first : last + 1])
     size, thickness = 0.01 * float(hand.palm_length), float(hand.thickness)
     if thickness > 0:
         size = 0.2 * thickness
