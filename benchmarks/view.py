@@ -1,5 +1,5 @@
-"""`python -m benchmarks.view`: how soon the page of `pcjax view` answers, in a headless Chromium, and
-whether its memory grows over a thousand moves. Linux only, for the memory.
+"""`python -m benchmarks.view`: how soon the page of `pcjax view` answers, in a headless Chromium,
+and whether its memory grows over a thousand moves. Linux only, for the memory.
 
 Times are the browser's own: from the pointer's last event to the change that it makes on the page.
 """
@@ -20,8 +20,9 @@ _WATCH = """
   window.seen = {drawn: [], first: [], refined: []};
   let moved = 0, dropped = 0, first = false;
   const now = () => performance.now();
-  document.addEventListener('pointermove', (e) => { if (e.buttons && !moved) moved = now(); }, true);
-  document.addEventListener('pointerup', () => { dropped = now(); first = true; moved = 0; }, true);
+  const on = (name, act) => document.addEventListener(name, act, true);
+  on('pointermove', (e) => { if (e.buttons && !moved) moved = now(); });
+  on('pointerup', () => { dropped = now(); first = true; moved = 0; });
   const limbs = document.querySelector('[data-testid=hand-does]');
   new MutationObserver(() => {
     if (moved) { seen.drawn.push(now() - moved); moved = 0; }
@@ -74,15 +75,12 @@ def main() -> None:
             print(f"{words:45}{low:8.0f}{high:7.0f}{one.max():7.0f}")
         me.drag("fingertip-1", 0, 0, hold=True)
         x, y = me.middle("fingertip-1")
-        print(
-            f"\nmoves   memory of the server, MB\n{0:5}   {resident(served.process):.1f}",
-            flush=True,
-        )
-        for k in range(1, arguments.moves + 1):
-            me.page.mouse.move(x + rng.uniform(-8, 8), y + rng.uniform(-8, 8))
-            me.page.wait_for_timeout(50)
+        print("\nmoves   memory of the server, MB")
+        for k in range(arguments.moves + 1):
             if k % (arguments.moves // 5) == 0:
                 print(f"{k:5}   {resident(served.process):.1f}", flush=True)
+            me.page.mouse.move(x + rng.uniform(-8, 8), y + rng.uniform(-8, 8))
+            me.page.wait_for_timeout(50)
         me.page.mouse.up()
         me.well()
 
