@@ -149,8 +149,12 @@ def test_files_are_those_of_the_folder(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="outside of the folder"):
         save_study(folder, "../other", BOX)
     assert save_study(folder, "deep/own", BOX) == "deep/own.toml"
-    assert open_study(folder, "deep/own.toml").body.radius == 25
+    study, doubts = open_study(folder, "deep/own.toml")
+    assert (study.body.radius, doubts) == (25, [])
     assert listed(folder, (".toml",)) == ["link.toml", "deep/own.toml"]
+    pcjax.export_hand(pcjax.box_hand(palm_length=80.0), folder / "drawn.dxf", units="mm")
+    study, _ = open_study(folder, "drawn.dxf")
+    assert (study.units, study.hand.palm_length) == ("mm", pytest.approx(80))
     with pytest.raises(ValueError, match="needs a name"):
         inside(folder, " ")
 
@@ -271,7 +275,7 @@ def test_a_design_that_is_none_is_red_and_says_why(chromium: Any, address: str) 
     me.refined()
     me.at("number-radius").fill("-3")
     me.page.keyboard.press("Enter")
-    me.notified("radius")
+    me.notified("radius is -3")
     assert me.at("number-radius").input_value() == "25"
     me.well()
 
@@ -335,6 +339,10 @@ def test_files_are_opened_saved_and_exported(chromium: Any, address: str, folder
     (folder / "hand.dxf").write_bytes(me.download("dxf"))
     layers = {entity.dxf.layer for entity in ezdxf.readfile(folder / "hand.dxf").modelspace()}
     assert {"LIMBS", "OBJECT"} <= layers
+    me.file("open", "hand.dxf")
+    me.notified("opened hand.dxf")
+    me.refined()
+    assert float(me.at("number-palm_length").input_value()) == pytest.approx(400)
     me.well()
 
 

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from pcjax.results.evaluation import Evaluation
 from pcjax.results.saving import save_text
-from pcjax.study.read import load_study
+from pcjax.study.drawing import drawn_hand
+from pcjax.study.read import read_study
 from pcjax.study.spec import Study
 from pcjax.view.export import export_hand
 
@@ -61,8 +62,12 @@ def listed(folder: Path, endings: tuple[str, ...]) -> list[str]:
     return found
 
 
-def open_study(folder: Path, name: str) -> Study:
-    """A study from its file.
+STUDIES = (".toml", ".dxf", ".svg")
+"""What can be opened: study files, and drawings of hands."""
+
+
+def open_study(folder: Path, name: str) -> tuple[Study, list[str]]:
+    """A study from its file, or that of a drawn hand; and what is doubtful about it.
 
     Arguments:
         folder, name: see `inside`.
@@ -72,7 +77,12 @@ def open_study(folder: Path, name: str) -> Study:
     """
     path = inside(folder, name)
     try:
-        return load_study(path)
+        if path.suffix.lower() == ".toml":
+            return read_study(path)
+        if path.suffix.lower() not in STUDIES:
+            raise ValueError(f"{name}: its ending has to be one of {', '.join(STUDIES)}")
+        hand, units, doubts = drawn_hand(path)
+        return Study.usual(hand, units=units), doubts
     except OSError as error:
         raise ValueError(f"{name} cannot be read: {error.strerror}") from None
 

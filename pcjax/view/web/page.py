@@ -12,7 +12,7 @@ from pcjax.study.spec import Study
 from pcjax.view.web.along import Along
 from pcjax.view.web.canvas import Canvas
 from pcjax.view.web.desk import Desk
-from pcjax.view.web.files import EXPORTS, listed, open_study, save_study
+from pcjax.view.web.files import EXPORTS, STUDIES, listed, open_study, save_study
 from pcjax.view.web.improve import Improve
 from pcjax.view.web.numbers import Curves, Numbers
 from pcjax.view.web.panel import Panel
@@ -20,9 +20,6 @@ from pcjax.view.web.studio import Studio
 from pcjax.view.web.watch import Watch
 
 STYLE = Path(__file__).with_name("style.css")
-
-_ENDINGS = (".toml",)
-
 
 async def page(study: Study, name: str, folder: Path) -> None:
     """Builds the page of one visitor, whose design is nobody else's.
@@ -145,16 +142,19 @@ async def _ask(title: str, what: str, names: list[str], usual: str) -> str | Non
 
 
 async def _open(studio: Studio) -> None:
-    names = await to_thread(listed, studio.folder, _ENDINGS)
-    name = await _ask("Open a study", "open", names or [], studio.desk.name)
+    names = await to_thread(listed, studio.folder, STUDIES)
+    name = await _ask("Open a study or a drawn hand", "open", names or [], studio.desk.name)
     if name is None:
         return
     try:
-        study = await to_thread(open_study, studio.folder, name)
+        study, doubts = await to_thread(open_study, studio.folder, name)
     except ValueError as error:
         studio.refused(str(error))
         return
-    studio.open(study, name.strip())
+    # A drawing is not written over: its study is to be saved under another name.
+    studio.open(study, name.strip() if name.strip().lower().endswith(".toml") else "")
+    for doubt in doubts:
+        ui.notify(doubt, type="warning", multi_line=True)
     ui.notify(f"opened {name.strip()}", type="positive")
 
 
