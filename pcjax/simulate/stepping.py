@@ -25,7 +25,7 @@ from pcjax.simulate.batch import LaneEngine
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
 from pcjax.simulate.engine import register_engine
 from pcjax.simulate.lanes import Lanes, lane_axes
-from pcjax.simulate.relaxation import Excursion, Layer
+from pcjax.simulate.relaxation import Layer
 from pcjax.simulate.rounds import Trials
 from pcjax.simulate.track import Track
 
@@ -225,7 +225,9 @@ class SteppingProgram(eqx.Module):
             if places is not None:
                 # The last step that writes into a row is that of the row's time.
                 row = self._row_of(moved.clock)
-                places = jax.tree.map(lambda rows, now: rows.at[row].set(now), places, moved.position)
+                places = jax.tree.map(
+                    lambda rows, now: rows.at[row].set(now), places, moved.position
+                )
             return (moved, excursions, places), None
 
         def chunk(carry: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -246,22 +248,21 @@ class SteppingProgram(eqx.Module):
             time=jnp.broadcast_to(worlds.drive.period, lanes.time.shape).astype(lanes.time.dtype),
             lag=jax.vmap(lag_of, in_axes=(lane_axes(worlds), axes, None))(worlds, states, dt),
         )
-        if places is None:
-            return after, None
-        rows = jnp.arange(self._rows)
+        return after, None if places is None else self._track_of(lanes, after, places, dt)
+
+    def _track_of(self, before: Lanes, after: Lanes, places: Vec, dt: Scalar) -> Track:
+        """Where the lanes were in a period, from their places at its points."""
+        rows = jnp.arange(self._rows, dtype=jnp.int32)
         middle, last = (2 * rows + 1) * self.chunks // 2, self.chunk * self.chunks
-        steps = jnp.where(rows < self._rows - 1, middle, last).astype(dt.dtype)
-        taken = (states.steps - lanes.period * last).astype(dt.dtype)
-        end = taken * dt - after.lag
-        over = steps[:, None] * dt >= end
-        finally_at = states.position - states.velocity * after.lag
-        places = where(over, finally_at, places)
-        time = jnp.where(over, end, steps[:, None] * dt)
-        first = Track(lanes.period, lanes.time, lanes.state.position, None)
-        rest = Track(jnp.broadcast_to(lanes.period, time.shape), time, places, None)
-        return after, jax.tree.map(
-            lambda one, more: jnp.concatenate([one[None], more]), first, rest
-        )
+        time = jnp.where(rows < self._rows - 1, middle, last)[:, None].astype(after.lag.dtype) * dt
+        state = after.state
+        end = (state.steps - after.period * last).astype(time.dtype) * dt - after.lag
+        # The points after a trial's end are where it was then.
+        places = where(time >= end, state.position - state.velocity * after.lag, places)
+        time = jnp.minimum(time, end)
+        first = Track(before.period, before.time, before.state.position, None)
+        rest = Track(jnp.broadcast_to(after.period, time.shape), time, places, None)
+        return jax.tree.map(lambda one, more: jnp.concatenate([one[None], more]), first, rest)
 
     @property
     def _rows(self) -> int:

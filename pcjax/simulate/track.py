@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
@@ -30,6 +30,7 @@ class Track(NamedTuple):
     velocity: Vec | None
 
 
+@runtime_checkable
 class Follower(Protocol):
     """Who is told where trials are."""
 
@@ -42,5 +43,3 @@ class Follower(Protocol):
             ran: which of them were under way.
         """
         ...
-
-

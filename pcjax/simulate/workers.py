@@ -202,10 +202,10 @@ def work(
         while not ledger.stopped.is_set() and ledger.fill(lanes):
             ran = np.asarray(lanes.state.status) == RUNNING
             moved = jax.device_get(advance(lanes=lanes))
-            moved, track = (moved, None) if follower is None else moved
-            lanes = jax.tree.map(np.array, moved)
             if follower is not None:
-                follower.follow(lanes, track, ran)
+                moved, track = moved
+                follower.follow(moved, track, ran)
+            lanes = jax.tree.map(np.array, moved)
             ledger.collect(lanes, ran)
 
 
