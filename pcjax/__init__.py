@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pcjax.physics.state import State
     from pcjax.physics.step import step
     from pcjax.quality.indices import Estimate
+    from pcjax.quality.occupancy import Occupancy, occupancy
     from pcjax.quality.surrogate import Surrogate
     from pcjax.quality.task import Task
     from pcjax.results.evaluation import Evaluation
@@ -32,12 +33,14 @@ if TYPE_CHECKING:
     from pcjax.study.compare import Ranking, compare
     from pcjax.study.evaluate import evaluate, evaluate_grid, evaluate_study
     from pcjax.study.inspect import Inspection, inspect
+    from pcjax.study.occupancy import occupancy_of_study
     from pcjax.study.read import load_study
     from pcjax.study.spec import Run, Study, Sweep
     from pcjax.sweep.run import run_sweep
     from pcjax.view.animation import animate
     from pcjax.view.designs import plot_map
     from pcjax.view.export import export_hand
+    from pcjax.view.occupancy import plot_occupancy
 
 _WHERE = {
     "Body": "pcjax.model.bodies.base",
@@ -53,6 +56,7 @@ _WHERE = {
     "HandDesign": "pcjax.model.hand",
     "Mixture": "pcjax.design.gradients",
     "Inspection": "pcjax.study.inspect",
+    "Occupancy": "pcjax.quality.occupancy",
     "Optimum": "pcjax.design.outcome",
     "Pathwise": "pcjax.design.gradients",
     "PlanarArm": "pcjax.model.drives.arm",
@@ -84,8 +88,11 @@ _WHERE = {
     "export_hand": "pcjax.view.export",
     "inspect": "pcjax.study.inspect",
     "load_study": "pcjax.study.read",
+    "occupancy": "pcjax.quality.occupancy",
+    "occupancy_of_study": "pcjax.study.occupancy",
     "optimize": "pcjax.design.optimize",
     "plot_map": "pcjax.view.designs",
+    "plot_occupancy": "pcjax.view.occupancy",
     "register_body": "pcjax.model.bodies.base",
     "register_drive": "pcjax.model.drives.base",
     "register_engine": "pcjax.simulate.engine",
@@ -113,6 +120,7 @@ __all__ = [
     "HandDesign",
     "Inspection",
     "Mixture",
+    "Occupancy",
     "Optimum",
     "Pathwise",
     "PlanarArm",
@@ -144,8 +152,11 @@ __all__ = [
     "export_hand",
     "inspect",
     "load_study",
+    "occupancy",
+    "occupancy_of_study",
     "optimize",
     "plot_map",
+    "plot_occupancy",
     "register_body",
     "register_drive",
     "register_engine",
