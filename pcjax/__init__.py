@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pcjax.physics.state import State
     from pcjax.physics.step import step
     from pcjax.quality.indices import Estimate
+    from pcjax.quality.occupancy import Occupancy, occupancy
     from pcjax.quality.surrogate import Surrogate
     from pcjax.quality.task import Task
     from pcjax.results.evaluation import Evaluation
@@ -33,12 +34,14 @@ if TYPE_CHECKING:
     from pcjax.study.drawing import read_drawing
     from pcjax.study.evaluate import evaluate, evaluate_grid, evaluate_study
     from pcjax.study.inspect import Inspection, inspect
+    from pcjax.study.occupancy import occupancy_of_study
     from pcjax.study.read import load_study
     from pcjax.study.spec import Run, Study, Sweep
     from pcjax.sweep.run import run_sweep
     from pcjax.view.animation import animate
     from pcjax.view.designs import plot_map
     from pcjax.view.export import export_hand
+    from pcjax.view.occupancy import plot_occupancy
 
 _WHERE = {
     "Body": "pcjax.model.bodies.base",
@@ -54,6 +57,7 @@ _WHERE = {
     "HandDesign": "pcjax.model.hand",
     "Mixture": "pcjax.design.gradients",
     "Inspection": "pcjax.study.inspect",
+    "Occupancy": "pcjax.quality.occupancy",
     "Optimum": "pcjax.design.outcome",
     "Pathwise": "pcjax.design.gradients",
     "PlanarArm": "pcjax.model.drives.arm",
@@ -85,8 +89,11 @@ _WHERE = {
     "export_hand": "pcjax.view.export",
     "inspect": "pcjax.study.inspect",
     "load_study": "pcjax.study.read",
+    "occupancy": "pcjax.quality.occupancy",
+    "occupancy_of_study": "pcjax.study.occupancy",
     "optimize": "pcjax.design.optimize",
     "plot_map": "pcjax.view.designs",
+    "plot_occupancy": "pcjax.view.occupancy",
     "read_drawing": "pcjax.study.drawing",
     "register_body": "pcjax.model.bodies.base",
     "register_drive": "pcjax.model.drives.base",
@@ -115,6 +122,7 @@ __all__ = [
     "HandDesign",
     "Inspection",
     "Mixture",
+    "Occupancy",
     "Optimum",
     "Pathwise",
     "PlanarArm",
@@ -146,8 +154,11 @@ __all__ = [
     "export_hand",
     "inspect",
     "load_study",
+    "occupancy",
+    "occupancy_of_study",
     "optimize",
     "plot_map",
+    "plot_occupancy",
     "read_drawing",
     "register_body",
     "register_drive",

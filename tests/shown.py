@@ -58,6 +58,8 @@ def small_words(line: str) -> list[str]:
         "map": [*SMALL, "--points", "3", "2"],
         "animate": ["--max-steps", "100000", "--seconds", "1", "--fps", "5"],
     }
+    if "--occupancy" in words:
+        return [*words, *SMALL[:2]]
     if words[0] in ("export", "study", "show", "plot", "inspect"):
         return words
     return [*words, *less.get(words[0], SMALL)]

@@ -26,7 +26,7 @@ COMMANDS = {
     "study": ("study", "check a study file, or print an example"),
     "sweep": ("sweep", "evaluate every condition of a study's sweep"),
     "show": ("results", "print kept results"),
-    "plot": ("results", "draw kept results"),
+    "plot": ("results", "draw kept results, or where objects stay in a hand"),
     "map": ("map", "map the score over two parameters"),
     "view": ("view", "drag the hand in the browser, and see its score follow"),
     "animate": ("animate", "film one trial"),

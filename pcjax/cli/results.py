@@ -1,23 +1,35 @@
-"""`pcjax show` and `pcjax plot`: kept results as a table or a picture."""
+"""`pcjax show` and `pcjax plot`: kept results as a table or a picture; where objects stay."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pcjax.cli.map import map_text
-from pcjax.cli.parts import add_outputs, check_picture, number, settle_outputs
+from pcjax.cli.parts import (
+    add_outputs,
+    as_flags_say,
+    check_picture,
+    number,
+    settle_outputs,
+    whole,
+)
 from pcjax.importing import xr
 from pcjax.model.scenario import DIRECTIONS
 from pcjax.paper.figures import check_figure
 from pcjax.paper.tables import figure_table
+from pcjax.quality.occupancy import TRIALS
 from pcjax.results.evaluation import Evaluation
 from pcjax.results.map_csv import load_map_csv
 from pcjax.results.reading import load_dataset
 from pcjax.results.tables import LONGEST, conditions_table
 from pcjax.study.inspect import inspect
+from pcjax.study.occupancy import occupancy_of_study
 from pcjax.study.read import load_study
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _STUDY = ".toml"
 _FILES = "what pcjax has written: .nc, a map's .csv, or a study's .toml"
@@ -50,6 +62,24 @@ def add_plot(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="NAME=VALUE",
         help="the value of a swept number that is not drawn; again for more",
+    )
+    add(
+        "--occupancy",
+        action="store_true",
+        help="run a study's hand, and draw where in it objects stay and from where they escape",
+    )
+    add(
+        "--trials",
+        type=whole,
+        default=None,
+        help=f"with --occupancy: how many of evaluate's trials, in each direction (default: "
+        f"{TRIALS})",
+    )
+    add(
+        "--direction",
+        choices=(*DIRECTIONS, "both"),
+        default=None,
+        help="with --occupancy: which way the object goes (default: the study's)",
     )
     add_outputs(parser, plot="the picture", before={"out": "plot"})
     parser.set_defaults(run=_plot)
@@ -97,27 +127,51 @@ def _plot(arguments: argparse.Namespace) -> None:
     if arguments.plot is None:
         raise ValueError("say where the picture goes: --plot FILE")
     check_picture(arguments.plot)
+    picture = _occupancy_picture if arguments.occupancy else _picture
+    picture(arguments).savefig(arguments.plot, dpi=130)
+
+
+def _occupancy_picture(arguments: argparse.Namespace) -> Figure:
+    """Where objects stay in the hand of a study."""
     path = arguments.results
+    if path.suffix.lower() != _STUDY:
+        raise ValueError(f"{path} is no study's .toml: --occupancy runs the hand of one")
+    if _swept(arguments):
+        raise ValueError("--x, --y, --hue, --at are for sweeps: they do not go with --occupancy")
+    study = as_flags_say(load_study(path), arguments)
+    from pcjax.view.occupancy import plot_occupancy
+
+    trials = TRIALS if arguments.trials is None else arguments.trials
+    return plot_occupancy(occupancy_of_study(study, trials=trials, progress=True), study.units)
+
+
+def _picture(arguments: argparse.Namespace) -> Figure:
+    """What is kept, or a study, as it is."""
+    path = arguments.results
+    if arguments.trials is not None or arguments.direction is not None:
+        raise ValueError("--trials and --direction go with --occupancy: nothing is run without it")
     # Imported where they are needed: matplotlib takes a second.
     from pcjax.view import designs, plots, sweeps
 
     data = None if path.suffix.lower() == _STUDY else _load(path)
     kind = None if data is None or "figure" in data.attrs else data.attrs["kind"]
-    if kind not in ("sweep", "grid") and (
-        arguments.at or any(getattr(arguments, flag) is not None for flag in ("x", "y", "hue"))
-    ):
+    if kind not in ("sweep", "grid") and _swept(arguments):
         raise ValueError(f"{path} is no sweep: --x, --y, --hue, --at are not for it")
     if data is None:
-        figure = designs.plot_inspection(inspect(load_study(path)))
-    elif kind is None:
+        return designs.plot_inspection(inspect(load_study(path)))
+    if kind is None:
         from pcjax.paper.pictures import plot_figure
 
-        figure = plot_figure(data)
-    elif kind == "map":
-        figure = designs.plot_map(data)
-    elif kind == "evaluation":
-        figure = plots.plot_evaluation(Evaluation(data))
-    else:
-        draw = sweeps.plot_sweep if kind == "sweep" else sweeps.plot_grid
-        figure = draw(data, arguments.x, arguments.y, arguments.hue, dict(arguments.at))
-    figure.savefig(arguments.plot, dpi=130)
+        return plot_figure(data)
+    if kind == "map":
+        return designs.plot_map(data)
+    if kind == "evaluation":
+        return plots.plot_evaluation(Evaluation(data))
+    draw = sweeps.plot_sweep if kind == "sweep" else sweeps.plot_grid
+    return draw(data, arguments.x, arguments.y, arguments.hue, dict(arguments.at))
+
+
+def _swept(arguments: argparse.Namespace) -> bool:
+    """Whether a flag says what of a sweep is drawn."""
+    flags = (arguments.x, arguments.y, arguments.hue)
+    return bool(arguments.at) or any(flag is not None for flag in flags)

@@ -30,6 +30,7 @@ from pcjax.simulate.engine import Engine, How
 from pcjax.simulate.lanes import Lanes
 from pcjax.simulate.outcomes import Outcomes
 from pcjax.simulate.rounds import Program
+from pcjax.simulate.track import Follower
 from pcjax.simulate.workers import Ledger, advance_for, crew_of, work
 
 _BLOCK = {"cpu": 1024}
@@ -68,6 +69,7 @@ def run(
     progress: bool = False,
     cloud: Cloud | None = None,
     keep_final: bool = False,
+    follower: Follower | None = None,
 ) -> Outcomes:
     """Runs trials `first` to `first + trials - 1` of every scenario.
 
@@ -85,9 +87,11 @@ def run(
         progress: whether to show a bar on stderr (where that is a terminal).
         cloud: where trials start instead of at the scenarios' starts, one place for each trial.
         keep_final: whether to keep where each trial was in the end.
+        follower: who is told where the trials are on their way.
 
     Raises:
-        ValueError: a count out of range, or objects of which only some have an orientation.
+        ValueError: a count out of range, objects of which only some have an orientation, or a
+            follower where the engine does not tell.
     """
     oriented = scenarios[0].body.oriented
     outcomes = Outcomes.blank(
@@ -107,7 +111,10 @@ def run(
             "some of the objects have an orientation and others have not: run them one after the "
             "other"
         )
-    engine.fill(outcomes, scenarios, How(first, seed, precision, block, workers, progress, cloud))
+    if follower is not None and not engine.tracks:
+        raise ValueError(f"{engine.noun} does not tell where its trials are on their way")
+    how = How(first, seed, precision, block, workers, progress, cloud, follower)
+    engine.fill(outcomes, scenarios, how)
     return outcomes
 
 
@@ -175,7 +182,7 @@ class LaneEngine(Engine):
         seconds = functools.partial(self.seconds, period=period)
         ledger = Ledger(filled, seconds, outcomes, how.first)
         advance = functools.partial(
-            advance_for(platform),
+            advance_for(platform, how.follower is not None),
             program=jax.tree.map(
                 lambda n: np.int32(n) if isinstance(n, int) else dtype(n), program
             ),
@@ -190,7 +197,9 @@ class LaneEngine(Engine):
         ):
             ledger.on_end = bar.update
             jobs = [
-                pool.submit(work, ledger, advance, block, dtype, how.precision, device)
+                pool.submit(
+                    work, ledger, advance, block, dtype, how.precision, device, how.follower
+                )
                 for device in crew
             ]
             try:

@@ -12,13 +12,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int
 
-from pcjax.geometry import Scalar, where
+from pcjax.geometry import Scalar, Vec, where
 from pcjax.model.scenario import World
 from pcjax.physics.state import INVALID, RUNNING, State
 from pcjax.simulate.batch import LaneEngine
 from pcjax.simulate.lanes import Lanes, lane_axes
 from pcjax.simulate.relaxation import Excursion, Layer
 from pcjax.simulate.rounds import Trials
+from pcjax.simulate.track import Track
 
 
 class LeapingEngine(LaneEngine):
@@ -39,6 +40,7 @@ class LeapingEngine(LaneEngine):
     drift: float = eqx.field(default=4e-4, static=True)
 
     bursts: ClassVar[type[Bursts]]
+    tracks = True
 
     def seconds(self, lanes: Lanes, period: float) -> np.ndarray:
         """How long each trial has lasted, s."""
@@ -78,8 +80,25 @@ class Bursts(eqx.Module):
         """The states of flights, but for their status and leaps."""
         raise NotImplementedError
 
+    @staticmethod
+    def seen_from_hand(world: World, stretch: Any, before: Any, flight: Any) -> Vec:
+        """The velocity as seen from the hand after a leap."""
+        return flight.velocity
+
     def run(self, trials: Trials, lanes: Lanes) -> Lanes:
-        """Takes each trial `burst` times `rounds` leaps further, or to its end.
+        """Takes each trial `burst` times `rounds` leaps further, or to its end."""
+        return self._advanced(trials, lanes, tracked=False)[0]
+
+    def track(self, trials: Trials, lanes: Lanes) -> tuple[Lanes, Track]:
+        """As `run`, and where each leap ended."""
+        lanes, track = self._advanced(trials, lanes, tracked=True)
+        assert track is not None
+        return lanes, track
+
+    def _advanced(
+        self, trials: Trials, lanes: Lanes, *, tracked: bool
+    ) -> tuple[Lanes, Track | None]:
+        """The lanes, and where each leap ended if they are tracked.
 
         What follows a trial's stretch is known before the stretch is over, so that the next one
         begins within a burst.
@@ -104,15 +123,17 @@ class Bursts(eqx.Module):
             status = jax.vmap(Layer.verdict)(layers, moved.status, excursions)
             return replace(moved, status=status), excursions
 
-        def round(_: Any, carry: tuple[Any, ...]) -> tuple[Any, ...]:
+        seen = jax.vmap(type(self).seen_from_hand, in_axes=(axes, 0, 0, 0))
+
+        def round(carry: tuple[Any, ...], _: None) -> tuple[tuple[Any, ...], Track | None]:
             flights, excursions, period, draws, profile, stretch, until = carry
             ahead = trials.draws(period + 1)
             profile_ahead = trials.profiles(draws, ahead, False)
             ends = until >= end
-            after = where(ends, profile_ahead, profile), jnp.where(ends, 0.0, until)
-            stretch_after, until_after = stretches(worlds, *after)
+            then = where(ends, profile_ahead, profile), jnp.where(ends, 0.0, until)
+            stretch_after, until_after = stretches(worlds, *then)
 
-            def one(carry: tuple[Any, ...], _: None) -> tuple[tuple[Any, ...], None]:
+            def one(carry: tuple[Any, ...], _: None) -> tuple[tuple[Any, ...], Track | None]:
                 flights, excursions, goes_on = carry
                 over = (flights.time >= until) & (flights.status == RUNNING) & ~goes_on
                 over = over & (~ends | (period < last_period))
@@ -125,12 +146,18 @@ class Bursts(eqx.Module):
                 )
                 excursions = excursions.with_first_over(anew & (period == 0))
                 now = where(goes_on, stretch_after, stretch)
-                return (*move(now, flights, excursions), goes_on), None
+                moved, excursions = move(now, flights, excursions)
+                if not tracked:
+                    return (moved, excursions, goes_on), None
+                which = period + (goes_on & ends).astype(period.dtype)
+                velocity = seen(worlds, now, flights, moved)
+                point = Track(which, moved.time, moved.position, velocity)
+                return (moved, excursions, goes_on), point
 
             begin = flights, excursions, jnp.zeros_like(ends)
-            (flights, excursions, goes_on), _ = jax.lax.scan(one, begin, length=self.burst)
+            (flights, excursions, goes_on), track = jax.lax.scan(one, begin, length=self.burst)
             anew = goes_on & ends
-            return (
+            after = (
                 flights,
                 excursions,
                 period + anew.astype(period.dtype),
@@ -139,6 +166,7 @@ class Bursts(eqx.Module):
                 where(goes_on, stretch_after, stretch),
                 jnp.where(goes_on, until_after, until),
             )
+            return after, track
 
         lanes = trials.begun(lanes)
         period, state = lanes.period, lanes.state
@@ -147,11 +175,19 @@ class Bursts(eqx.Module):
         flights = self.taken_off(state, lanes.time, state.steps)
         carry = flights, lanes.excursion, period, draws, profile
         carry = *carry, *stretches(worlds, profile, lanes.time)
-        flights, excursions, period, *_ = jax.lax.fori_loop(0, self.rounds, round, carry)
+        first = Track(period, lanes.time, state.position, state.velocity)
+        carry, track = jax.lax.scan(round, carry, length=self.rounds)
+        flights, excursions, period, *_ = carry
         spent = (flights.leaps >= self.budget) & (flights.status == RUNNING)
         state = replace(
             self.landed(state, flights),
             steps=flights.leaps,
             status=jnp.where(spent, INVALID, flights.status),
         )
-        return lanes._replace(period=period, time=flights.time, state=state, excursion=excursions)
+        lanes = lanes._replace(period=period, time=flights.time, state=state, excursion=excursions)
+        return lanes, None if track is None else jax.tree.map(_in_one_row, first, track)
+
+
+def _in_one_row(first: Array, later: Array) -> Array:
+    """What came first, and then the leaps of all bursts."""
+    return jnp.concatenate([first[None], later.reshape(-1, *first.shape)])

@@ -8,7 +8,7 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array
 
-from pcjax.geometry import Scalar
+from pcjax.geometry import Scalar, Vec
 from pcjax.model.scenario import Scenario, World
 from pcjax.physics.state import State
 from pcjax.physics.step import by_leaps
@@ -32,6 +32,15 @@ class ConvexBursts(Bursts):
         """The flight after one leap."""
         profile, interval = stretch
         return tumble(world, profile, interval, flight)
+
+    @staticmethod
+    def seen_from_hand(world: World, stretch: Any, before: Tumble, flight: Tumble) -> Vec:
+        """The velocity as seen from the hand, as it was carried in the leap."""
+        profile, interval = stretch
+        carry = world.drive.leg(profile, before.time, interval).carry
+        if carry is None:
+            return flight.velocity
+        return flight.velocity - carry.twist(flight.time).at(flight.position)
 
     def taken_off(self, state: State, time: Array, leaps: Array) -> Tumble:
         """Flights from lanes' states."""

@@ -10,6 +10,7 @@ from pcjax.components import Component, Registry, quantities
 from pcjax.model.scenario import Scenario
 from pcjax.simulate.cloud import Cloud
 from pcjax.simulate.outcomes import Outcomes
+from pcjax.simulate.track import Follower
 
 ENGINES: Registry[Engine] = Registry(
     "engine",
@@ -32,6 +33,7 @@ class How:
     workers: int | None
     progress: bool
     cloud: Cloud | None
+    follower: Follower | None
 
 
 E = TypeVar("E", bound="Engine")
@@ -50,11 +52,13 @@ class Engine(Component):
         preference: where no engine is named, the one of highest preference that can run the
             scenario is taken. Each class speaks for itself: without a number in its own body it is
             taken only where it is named.
+        tracks: whether it tells a `Follower` where its trials are on their way.
     """
 
     noun: ClassVar[str] = "this engine"
     summary: ClassVar[str] = "without a summary"
     preference: ClassVar[float | None] = None
+    tracks: ClassVar[bool] = False
 
     @property
     def name(self) -> str:

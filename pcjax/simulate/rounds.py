@@ -18,6 +18,7 @@ from pcjax.simulate.cloud import Cloud
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
 from pcjax.simulate.lanes import Lanes, lane_axes
 from pcjax.simulate.relaxation import NOWHERE, Excursion
+from pcjax.simulate.track import Track
 
 
 class Trials(eqx.Module):
@@ -100,6 +101,15 @@ class Program(Protocol):
         ...
 
 
+@runtime_checkable
+class TrackedProgram(Program, Protocol):
+    """One that can tell where trials were on their way."""
+
+    def track(self, trials: Trials, lanes: Lanes) -> tuple[Lanes, Track]:
+        """As `run`, and where the lanes were."""
+        ...
+
+
 def advance_block(
     *,
     program: Program,
@@ -110,13 +120,36 @@ def advance_block(
     lanes: Lanes,
 ) -> Lanes:
     """One call of the program for a block of lanes."""
+    return program.run(_trials_of(stacked, seed, last_period, cloud, lanes), lanes)
+
+
+def track_block(
+    *,
+    program: TrackedProgram,
+    stacked: Scenario,
+    seed: jax.Array,
+    last_period: jax.Array,
+    cloud: Cloud | None,
+    lanes: Lanes,
+) -> tuple[Lanes, Track]:
+    """As `advance_block`, and where the lanes were."""
+    return program.track(_trials_of(stacked, seed, last_period, cloud, lanes), lanes)
+
+
+def _trials_of(
+    stacked: Scenario,
+    seed: jax.Array,
+    last_period: jax.Array,
+    cloud: Cloud | None,
+    lanes: Lanes,
+) -> Trials:
     scenarios = jax.tree.map(lambda leaf: leaf[lanes.condition] if leaf.ndim else leaf, stacked)
     axes = lane_axes(scenarios)
     worlds = jax.vmap(lambda scenario: scenario.world(), in_axes=(axes,))(scenarios)
     worlds = replace(worlds, drive=scenarios.drive)  # with what all lanes share as one number
     starts = None if cloud is None else jax.tree.map(lambda leaf: leaf[lanes.trial], cloud)
     keys = jax.vmap(trial_key, (None, 0))(seed, lanes.trial)
-    return program.run(Trials(scenarios, worlds, keys, last_period, starts), lanes)
+    return Trials(scenarios, worlds, keys, last_period, starts)
 
 
 def roll(

@@ -15,7 +15,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Int, Integer
 
 from pcjax.components import quantity
-from pcjax.geometry import Scalar
+from pcjax.geometry import Scalar, Vec, where
 from pcjax.model.scenario import Scenario, World
 from pcjax.physics.contact.rod import move_stick
 from pcjax.physics.contact.table import registered_contact
@@ -25,8 +25,9 @@ from pcjax.simulate.batch import LaneEngine
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
 from pcjax.simulate.engine import register_engine
 from pcjax.simulate.lanes import Lanes, lane_axes
-from pcjax.simulate.relaxation import Excursion, Layer
+from pcjax.simulate.relaxation import Layer
 from pcjax.simulate.rounds import Trials
+from pcjax.simulate.track import Track
 
 _CHUNK = 50
 """Steps between two looks at whether anybody in the batch is still under way."""
@@ -46,6 +47,8 @@ class FixedSteps(LaneEngine):
     Arguments:
         goal_layer: see `LaneEngine`.
     """
+
+    tracks = True
 
     @classmethod
     def obstacle(cls, scenario: Scenario) -> str | None:
@@ -159,6 +162,17 @@ class SteppingProgram(eqx.Module):
 
     def run(self, trials: Trials, lanes: Lanes) -> Lanes:
         """Takes a batch of trials, each at the end of a period, through the next one."""
+        return self._advanced(trials, lanes, tracked=False)[0]
+
+    def track(self, trials: Trials, lanes: Lanes) -> tuple[Lanes, Track]:
+        """As `run`, and where the lanes were at equal intervals of the period."""
+        lanes, track = self._advanced(trials, lanes, tracked=True)
+        assert track is not None
+        return lanes, track
+
+    def _advanced(
+        self, trials: Trials, lanes: Lanes, *, tracked: bool
+    ) -> tuple[Lanes, Track | None]:
         over = (lanes.time >= trials.scenarios.drive.period) & (lanes.period < trials.last_period)
         over = over & (lanes.state.status == RUNNING)
         period = lanes.period + over.astype(lanes.period.dtype)
@@ -169,9 +183,22 @@ class SteppingProgram(eqx.Module):
             excursion=lanes.excursion.with_first_over(over & (period == 1)),
         )
         profiles = trials.profiles(trials.draws(period - 1), trials.draws(period), period == 0)
-        return self._through_period(trials.worlds, profiles, lanes)
+        places = None
+        if tracked:
+            places = jax.tree.map(
+                lambda start: jnp.broadcast_to(start, (self._rows, *start.shape)),
+                lanes.state.position,
+            )
+        return self._through_period(trials.worlds, profiles, lanes, places)
 
-    def _through_period(self, worlds: World, profiles: Any, lanes: Lanes) -> Lanes:
+    def _through_period(
+        self, worlds: World, profiles: Any, lanes: Lanes, places: Vec | None
+    ) -> tuple[Lanes, Track | None]:
+        """
+        Arguments:
+            places: where the lanes are at the points of their track, to be filled in; None for
+                none.
+        """
         dt = jnp.asarray(self.dt, jnp.result_type(worlds.body.radius))
         states = lanes.state
         axes = lane_axes(states)
@@ -186,8 +213,8 @@ class SteppingProgram(eqx.Module):
         if layers is not None:
             worlds = replace(worlds, goal=jax.vmap(Layer.farthest_goal)(layers))
 
-        def one(carry: tuple[State, Excursion], _: None) -> tuple[tuple[State, Excursion], None]:
-            states, excursions = carry
+        def one(carry: tuple[Any, ...], _: None) -> tuple[tuple[Any, ...], None]:
+            states, excursions, places = carry
             moved = step_all(worlds, profiles, states)
             if layers is not None:
                 time = jnp.where(states.status == RUNNING, dt, 0.0)
@@ -195,25 +222,57 @@ class SteppingProgram(eqx.Module):
                 moved = replace(
                     moved, status=jax.vmap(Layer.verdict)(layers, moved.status, excursions)
                 )
-            return (moved, excursions), None
+            if places is not None:
+                # The last step that writes into a row is that of the row's time.
+                row = self._row_of(moved.clock)
+                places = jax.tree.map(
+                    lambda rows, now: rows.at[row].set(now), places, moved.position
+                )
+            return (moved, excursions, places), None
 
-        def chunk(carry: tuple[Array, State, Excursion]) -> tuple[Array, State, Excursion]:
-            count, states, excursions = carry
-            (states, excursions), _ = jax.lax.scan(one, (states, excursions), length=self.chunk)
-            return count + 1, states, excursions
+        def chunk(carry: tuple[Any, ...]) -> tuple[Any, ...]:
+            count, *rest = carry
+            rest, _ = jax.lax.scan(one, tuple(rest), length=self.chunk)
+            return count + 1, *rest
 
-        def unfinished(carry: tuple[Array, State, Excursion]) -> Array:
-            count, states, _ = carry
+        def unfinished(carry: tuple[Any, ...]) -> Array:
+            count, states, *_ = carry
             return (count < self.chunks) & jnp.any(states.status == RUNNING)
 
         zero = jnp.zeros((), jnp.int32)
-        _, states, excursions = jax.lax.while_loop(unfinished, chunk, (zero, states, excursions))
-        return lanes._replace(
+        carry = zero, states, excursions, places
+        _, states, excursions, places = jax.lax.while_loop(unfinished, chunk, carry)
+        after = lanes._replace(
             state=with_clock_at_zero(states),
             excursion=excursions,
             time=jnp.broadcast_to(worlds.drive.period, lanes.time.shape).astype(lanes.time.dtype),
             lag=jax.vmap(lag_of, in_axes=(lane_axes(worlds), axes, None))(worlds, states, dt),
         )
+        return after, None if places is None else self._track_of(lanes, after, places, dt)
+
+    def _track_of(self, before: Lanes, after: Lanes, places: Vec, dt: Scalar) -> Track:
+        """Where the lanes were in a period, from their places at its points."""
+        rows = jnp.arange(self._rows, dtype=jnp.int32)
+        middle, last = (2 * rows + 1) * self.chunks // 2, self.chunk * self.chunks
+        time = jnp.where(rows < self._rows - 1, middle, last)[:, None].astype(after.lag.dtype) * dt
+        state = after.state
+        end = (state.steps - after.period * last).astype(time.dtype) * dt - after.lag
+        # The points after a trial's end are where it was then.
+        places = where(time >= end, state.position - state.velocity * after.lag, places)
+        time = jnp.minimum(time, end)
+        first = Track(before.period, before.time, before.state.position, None)
+        rest = Track(jnp.broadcast_to(after.period, time.shape), time, places, None)
+        return jax.tree.map(lambda one, more: jnp.concatenate([one[None], more]), first, rest)
+
+    @property
+    def _rows(self) -> int:
+        """Points of a track in a period: the middles of `chunk` equal parts of it, up to half a
+        step before, and its end."""
+        return self.chunk + 1
+
+    def _row_of(self, clock: Array) -> Array:
+        """The first point that is not before so many steps."""
+        return (2 * clock + self.chunks - 1) // (2 * self.chunks)
 
 
 def with_clock_at_zero(states: State) -> State:

@@ -19,7 +19,8 @@ from pcjax.model.scenario import Scenario
 from pcjax.physics.state import INVALID, PAPER_DT, PASSED, RUNNING
 from pcjax.simulate.lanes import Lanes
 from pcjax.simulate.outcomes import LIMIT, Outcomes, paper_steps
-from pcjax.simulate.rounds import advance_block
+from pcjax.simulate.rounds import advance_block, track_block
+from pcjax.simulate.track import Follower
 
 _COMPILER_OPTIONS = {
     # Each worker thread runs its own block; XLA splitting small kernels among threads costs more
@@ -193,6 +194,7 @@ def work(
     dtype: type,
     precision: int,
     device: Any,
+    follower: Follower | None,
 ) -> None:
     lanes = Lanes.idle(block, dtype)
     ledger.enter()
@@ -200,10 +202,14 @@ def work(
         while not ledger.stopped.is_set() and ledger.fill(lanes):
             ran = np.asarray(lanes.state.status) == RUNNING
             moved = jax.device_get(advance(lanes=lanes))
+            if follower is not None:
+                moved, track = moved
+                follower.follow(moved, track, ran)
             lanes = jax.tree.map(np.array, moved)
             ledger.collect(lanes, ran)
 
 
 @functools.cache
-def advance_for(platform: str) -> Callable[..., Any]:
-    return Kept(advance_block, _COMPILER_OPTIONS.get(platform, {}))
+def advance_for(platform: str, tracked: bool = False) -> Callable[..., Any]:
+    block = track_block if tracked else advance_block
+    return Kept(block, _COMPILER_OPTIONS.get(platform, {}))
