@@ -11,6 +11,7 @@ from pcjax.paper import constants as paper
 from pcjax.paper.figures import Curve, curve, score_curve
 from pcjax.results.schema import NAMES
 from pcjax.results.tables import engines_text
+from pcjax.view.labels import score_label
 from pcjax.view.picture import Picture
 from pcjax.view.plots import COLOURS
 
@@ -37,10 +38,10 @@ def plot_figure(dataset: xr.Dataset) -> Figure:
         axis.set_ylim(0, 1.02 * limit)
         axis.legend(handles=[axis.get_lines()[0], right.get_lines()[0]], loc="upper left")
     else:
-        symbol = {"gap_width": "$W_g$", "radius": "$r_o$"}[settings.varies]
+        what = {"gap_width": "gap width", "radius": "radius"}[settings.varies]
         values = settings.gap_widths if settings.varies == "gap_width" else settings.radii
         for value, colour in zip(values, COLOURS, strict=True):
-            label = f"{symbol} = {value:g} $L_p$"
+            label = f"{what} {value:g} palm lengths"
             where: dict[str, float] = {settings.varies: value}
             if name == "12":
                 _band(axis, score_curve(dataset, where=where), colour, label, 1.0)
@@ -48,7 +49,7 @@ def plot_figure(dataset: xr.Dataset) -> Figure:
                 direction = settings.directions[0]
                 _band(axis, curve(dataset, direction, where=where), colour, label, 1e-3)
         if name == "12":
-            axis.set_ylabel("score DoEs / EoEn (index 1)")
+            axis.set_ylabel(score_label("DoEs / EoEn by index1"))
             axis.axhline(1.0, color="0.6", lw=0.8)
         else:
             axis.set_ylabel(f"{NAMES[settings.directions[0]]}: index 1 [thousand steps]")
@@ -83,7 +84,7 @@ def _plot_arm_figure(dataset: xr.Dataset) -> Figure:
             ("theta_1", first, "2", COLOURS[1]),
         ):
             line = curve(dataset, "does", where={fixed: at})
-            _band(axis, line, colour, rf"$\theta_{{i{varied}}}$ varied", 1e-3)
+            _band(axis, line, colour, f"joint angle {varied} varied", 1e-3)
         axis.legend()
         axis.set_yscale("log")
     else:

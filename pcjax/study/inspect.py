@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from pcjax.model.bodies.base import Body
-from pcjax.model.checking import check_geometry
+from pcjax.model.checking import check_geometry, geometry_of
 from pcjax.model.hand import full_cage, points_of
 from pcjax.model.scenario import DIRECTIONS, Scenario, why_no_eoen
 from pcjax.results.schema import NAMES
@@ -19,7 +19,9 @@ from pcjax.simulate.choose import choose_engine
 from pcjax.study.spec import Study
 from pcjax.units import PER_METRE
 
-Box = tuple[tuple[float, float], tuple[float, float]]
+Point = tuple[float, float]
+
+Box = tuple[Point, Point]
 
 _SLOW_FALL, _FAST_FALL = 30.0, 0.02
 """Seconds of a fall through the hand beyond which lengths and gravity hardly go together."""
@@ -34,6 +36,7 @@ class View:
 
     Attributes:
         gap: the narrowest passage between the fingers, a length.
+        passage: its ends.
         starts: lower left and upper right corners of the boxes that the object's centre starts in,
             one at each end of the palm.
         problem: why it cannot be run, "" if it can; then the rest is not given.
@@ -44,6 +47,7 @@ class View:
     gap: float | None = None
     starts: tuple[Box, Box] | None = None
     engine: str | None = None
+    passage: tuple[Point, Point] | None = None
 
 
 @dataclass(frozen=True)
@@ -184,7 +188,9 @@ def _view(study: Study, direction: str) -> View:
     except ValueError as error:
         return View(str(error))
     engine_text = engines_text(engine.provenance, engine.step_taken(study.drive.period))
-    return View("", gap, (_starts(scenario, 0.0), _starts(scenario, 0.9)), engine_text)
+    first, second = geometry_of(scenario).passage
+    passage = (float(first.x), float(first.y)), (float(second.x), float(second.y))
+    return View("", gap, (_starts(scenario, 0.0), _starts(scenario, 0.9)), engine_text, passage)
 
 
 def _starts(scenario: Scenario, end: float) -> Box:
