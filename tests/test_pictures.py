@@ -97,6 +97,7 @@ def test_evaluations_and_rankings_have_units_and_words() -> None:
     }
     ranking = pcjax.compare(studies)
     check(plot_ranking(ranking), scales=4, units="mm")
+    assert "<img" in ranking._repr_html_()
     figure = plot_evaluation(ranking.evaluations["a"])
     check(figure, scales=6, units="mm")
     for axis in figure.axes[:2]:
@@ -119,6 +120,7 @@ HANDS = {
 def test_the_gaps_label_lies_over_no_limb_and_not_over_its_line(name: str) -> None:
     study = pcjax.Study(HANDS[name], CIRCLE)
     found = pcjax.inspect(study)
+    assert "<img" in found._repr_html_()
     figure = designs.plot_inspection(found)
     check(figure, scales=2, units="model length")
     for axis, (direction, view) in zip(figure.axes, found.views.items(), strict=True):
@@ -205,6 +207,9 @@ def test_an_optimum_and_a_front_have_units_and_words(monkeypatch: pytest.MonkeyP
     front = Front(names, (True, False), [member], member, False, 0, tried, 1000, 0, False)
     figure = plot_front((front, space, surrogate))
     check(figure, scales=2, units="steps of 0.001 s")
+    for one, words in ((found, "score, best: 1.5000"), (front, "less is better")):
+        assert words in repr(one)
+        assert "<img" in one._repr_html_()
 
 
 @pytest.mark.parametrize(

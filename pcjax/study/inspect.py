@@ -15,6 +15,7 @@ from pcjax.model.hand import full_cage, points_of
 from pcjax.model.scenario import DIRECTIONS, Scenario, why_no_eoen
 from pcjax.results.schema import NAMES
 from pcjax.results.tables import engines_text, wrapped
+from pcjax.showing import Shown
 from pcjax.simulate.choose import choose_engine
 from pcjax.study.spec import Study
 from pcjax.units import PER_METRE
@@ -51,7 +52,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class Inspection:
+class Inspection(Shown):
     """A study before it is evaluated; prints as a list.
 
     Attributes:
@@ -62,6 +63,8 @@ class Inspection:
         fall: about how long the object takes through the whole hand where it is pulled most, s.
         doubts: what is probably not meant.
     """
+
+    drawn_by = "view.designs.plot_inspection"
 
     study: Study
     views: dict[str, View]

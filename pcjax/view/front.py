@@ -44,6 +44,13 @@ def plot_front(data: tuple[Front, DesignSpace, Surrogate]) -> Figure:
     return figure
 
 
+def plot_aims(found: Front) -> Figure:
+    """The front without its hands: all that it knows without its space."""
+    figure = Picture(figsize=(6.4, 5.0), layout="constrained")
+    _draw_front(figure.subplots(), found, np.arange(len(found.members)))
+    return figure
+
+
 def _draw_front(axis: Axes, found: Front, shown: np.ndarray) -> None:
     axis.plot(*found.tried.T, ".", color="0.75", ms=5, label="tried, as the model sees them")
     values = np.array([[aim.value for aim in member.aims] for member in found.members])
