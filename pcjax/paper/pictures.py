@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -59,7 +61,8 @@ def plot_figure(dataset: xr.Dataset) -> Figure:
     axis.grid(alpha=0.3)
     attrs = dataset.attrs
     axis.set_title(
-        f"{settings.title}\n{attrs['trials']:,} trials, limit {attrs['max_steps']:,} steps; "
+        f"{_in_symbols(settings.title)}\n"
+        f"{attrs['trials']:,} trials, limit {attrs['max_steps']:,} steps; "
         f"{engines_text(attrs['engine'], dataset.dt)}\n95 % bands, hollow: full cage",
         fontsize=10,
     )
@@ -99,11 +102,18 @@ def _plot_arm_figure(dataset: xr.Dataset) -> Figure:
         axis.set_ylim(0, None)
     axis.grid(alpha=0.3, which="both" if name == "15" else "major")
     axis.set_title(
-        f"{attrs['title']}\n{attrs['trials']:,} trials, limit {attrs['max_steps']:,} steps; "
+        f"{_in_symbols(attrs['title'])}\n"
+        f"{attrs['trials']:,} trials, limit {attrs['max_steps']:,} steps; "
         f"{engines_text(attrs['engine'], dataset.dt)}\n95 % bands, hollow: full cage",
         fontsize=10,
     )
     return figure
+
+
+def _in_symbols(title: str) -> str:
+    """A title with the paper's symbols as it prints them."""
+    greek = re.sub(r"\btheta_(\w+)", r"$\\theta_{\1}$", title)
+    return re.sub(r"\b([A-Z])_(\w)\b", r"$\1_\2$", greek)
 
 
 def _band(axis: Axes, line: Curve, colour: str, label: str, scale: float) -> None:
