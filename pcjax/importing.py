@@ -19,6 +19,12 @@ class Later:
         return getattr(importlib.import_module(self._name), name)
 
 
+def named(name: str) -> Any:
+    """What has that name in this package, "module.name", imported now."""
+    module, _, last = name.rpartition(".")
+    return getattr(importlib.import_module(f"pcjax.{module}"), last)
+
+
 if TYPE_CHECKING:
     import xarray as xr
 else:

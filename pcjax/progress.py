@@ -23,6 +23,7 @@ def progress_bar(*, shown: bool, total: int, desc: str, unit: str, **options: An
     hidden = None if shown else True  # None: where stderr is no terminal
     if shown and _in_a_notebook():
         hidden = False
+        # Not tqdm.auto: it asks for widgets wherever IPython is, and warns where there are none.
         if importlib.util.find_spec("ipywidgets"):
             from tqdm.notebook import tqdm as kind
     return kind(total=total, desc=desc, unit=unit, leave=False, disable=hidden, **options)
@@ -32,4 +33,5 @@ def _in_a_notebook() -> bool:
     """Whether this process is the kernel of a notebook."""
     ipython = sys.modules.get("IPython")
     shell = ipython.get_ipython() if ipython else None
-    return type(shell).__name__ == "ZMQInteractiveShell"
+    # By name, as ipykernel need not be there; services on the net have shells of their own.
+    return any(kind.__name__ == "ZMQInteractiveShell" for kind in type(shell).__mro__)

@@ -19,7 +19,7 @@ from pcjax.physics.state import PASSED
 from pcjax.simulate.draws import period_draws, trial_key
 from pcjax.simulate.outcomes import LIMIT
 from pcjax.simulate.replay import Recording, pick_trial, record
-from pcjax.view.animation import animate
+from pcjax.view.animation import _Film, animate
 from pcjax.view.scene import plot_scenes
 
 pytestmark = pytest.mark.usefixtures("quick_programs")
@@ -248,3 +248,30 @@ def test_the_line_of_a_hand_is_its_limbs(x64: None) -> None:
     np.testing.assert_allclose(line[4], [palm.end.x, palm.end.y], atol=1e-12)
     np.testing.assert_allclose(line[2], [first.end.x, first.end.y], atol=1e-12)
     np.testing.assert_allclose(line[-1], [last.end.x, last.end.y], atol=1e-12)
+
+
+def test_a_film_shows_path_contacts_and_scale() -> None:
+    scenario = pcjax.does(OWN, pcjax.Circle(20.0))
+    one = record(scenario, seed=0, trial=1, max_steps=20_000, dt=0.02)
+    film = _Film(one, np.linspace(0.0, one.seconds, 11), 4.0, "DoEs", "mm")
+    counts = []
+    for k in (0, 5, 10):
+        film.draw(k)
+        path, touched = film._main.lines[:2]
+        np.testing.assert_allclose(
+            path.get_xydata()[-1], one.path(np.array([one.seconds / 10 * k]))[0]
+        )
+        counts.append(len(touched.get_xdata()))
+    assert 0 == counts[0] <= counts[1] < counts[2]
+    # The marks are on the hand: here within its thinnest line.
+    ends = zip(points_of(OWN)[:-1], points_of(OWN)[1:], strict=True)
+    nearest = np.min([_far(touched.get_xydata(), a, b) for a, b in ends], axis=0)
+    assert nearest.max() < 0.1
+    words = [text.get_text() for text in film.figure.axes[-1].texts]
+    assert words == ["path", "touched", "100 mm"]
+
+
+def _far(points: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """How far points are from the line from a to b."""
+    share = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+    return np.linalg.norm(points - a - share[:, None] * (b - a), axis=1)

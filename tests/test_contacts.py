@@ -12,7 +12,7 @@ import pytest
 import pcjax
 from pcjax.physics.state import RUNNING
 from pcjax.simulate.replay import Recording
-from pcjax.view.contacts import contacts_at
+from pcjax.view.contacts import contacts_at, touches
 
 
 def moving(body: Any, height: float, speed: float, spin: float, **hand: float) -> Recording:
@@ -54,3 +54,27 @@ def test_a_fingertip_touches_a_side() -> None:
 def test_what_flies_touches_nothing() -> None:
     where, slip = contacts_at(moving(pcjax.Square(60.0), 100.0, 8.0, 0.1), 0.5)
     assert where.shape == slip.shape == (0, 2)
+
+
+def test_a_circle_that_flies_and_bounces_touches_where_it_turns() -> None:
+    """Down to the palm and up again, then along it: each place once, and when that was."""
+    falls = moving(pcjax.Circle(25.0), 25.0, 0.0, 0.0)
+    down = 25.0 + 100.0 * np.abs(falls.times - 0.505)  # it meets the palm between two states
+    place = np.stack([40.0 * falls.times, down], axis=-1)
+    when, where = touches(replace(falls, position=place))
+    assert when == pytest.approx([0.505], abs=1e-6)
+    np.testing.assert_allclose(where, [[20.2, 0.0]], atol=1e-6)
+    when, where = touches(moving(pcjax.Circle(25.0), 25.0, 50.0, 0.0))
+    assert (np.diff(when) > 0).all()
+    assert where[[0, -1], 0] == pytest.approx([0.0, 50.0], abs=2.5)
+    assert np.diff(where[1:, 0]) == pytest.approx(2.5, abs=0.6)
+    assert touches(moving(pcjax.Circle(25.0), 25.0, 50.0, 0.0), 0.5)[1][0, 0] == pytest.approx(25.0)
+
+
+def test_what_passes_by_a_fingertip_touches_nothing() -> None:
+    """It comes nearer and goes away again, and in between is half a step away."""
+    still = moving(pcjax.Circle(25.0), 100.0, 0.0, 0.0)
+    tip = still.hand[-1]
+    place = tip + np.stack([200.0 * (still.times - 0.5), np.full(101, -26.0)], axis=-1)
+    when, where = touches(replace(still, position=place))
+    assert len(when) == len(where) == 0

@@ -77,7 +77,7 @@ def test_a_front_is_exact_on_unseen_trials_and_sorted() -> None:
     assert member.aims[0].low < member.aims[0].value < member.aims[0].high
     figure = plot_front((found, SPACE, Surrogate(TASK)))
     axis, *hands = figure.axes
-    assert "better: less" in axis.get_ylabel()
+    assert "less is better" in axis.get_ylabel()
     drawn = [hand.get_title() for hand in hands if hand.get_title()]
     assert drawn == [str(k + 1) for k in range(len(found.members))][: len(drawn)]
 

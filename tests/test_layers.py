@@ -27,7 +27,17 @@ LAYERS = (
     ("simulate",),
     ("physics",),
     ("model",),
-    ("geometry", "components", "checks", "units", "words", "progress", "compiling", "importing"),
+    (
+        "geometry",
+        "components",
+        "checks",
+        "units",
+        "words",
+        "progress",
+        "compiling",
+        "importing",
+        "showing",
+    ),
 )
 """Top to bottom: the modules and folders directly under pcjax/. A module may import from its own
 layer and from those below. A new one fails the tests until it has its place here."""

@@ -92,9 +92,9 @@ def test_a_searchs_map_scores_each_hand_as_if_it_were_alone(
         best=best, progress=progress, candidates=[SimpleNamespace(design=best)], tried=()
     )
     drawn: list[np.ndarray] = []
-    draw = designs._draw_score
+    draw = designs.draw_contours
     monkeypatch.setattr(designs, "_MAP", 3)
-    monkeypatch.setattr(designs, "_draw_score", lambda *a: (drawn.append(a[3]), draw(*a)))
+    monkeypatch.setattr(designs, "draw_contours", lambda *a: (drawn.append(a[3]), draw(*a)))
     designs.draw_map(Figure().subplots(), found, where, scored)
     for (column, row), design in {(0, 0): (-30.0, 0.7), (1, 0): (10.0, 0.7), (1, 1): best}.items():
         alone = compare(scored, where, [np.array(design)], trials=30, seed=0)

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import base64
+import html
+import importlib.util
+import re
+import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import nbformat
 import pytest
 from IPython.core.formatters import DisplayFormatter
 from nbclient import NotebookClient
 
+import pcjax
 from pcjax.paper.pictures import plot_figure
+from pcjax.progress import progress_bar
 from pcjax.results.reading import load_dataset
 from tests.shown import QUICK
 
@@ -81,7 +90,48 @@ def test_progress_is_shown_in_a_notebook_if_asked_for(tmp_path: Path) -> None:
     )
     assert "trials" in shown
     assert "128" in shown
+    assert "Warning" not in shown
     assert silent == ""
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_bars_are_widgets_where_there_are_some(
+    there: bool, monkeypatch: pytest.MonkeyPatch, recwarn: pytest.WarningsRecorder
+) -> None:
+    shell = type("Shell", (type("ZMQInteractiveShell", (), {}),), {})()
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: there or None)
+    made: list[Any] = []
+    monkeypatch.setattr("tqdm.notebook.tqdm", lambda **said: made.append(said))
+    bar = progress_bar(shown=True, total=3, desc="trials", unit="trial")
+    assert bool(made) is there
+    assert there or not bar.disable
+    assert not recwarn.list
+
+
+def test_a_result_shows_its_table_and_its_picture() -> None:
+    result = pcjax.evaluate(trials=20, max_steps=20_000, direction="does")
+    shown, _ = DisplayFormatter().format(result)
+    assert shown["text/plain"] == repr(result)
+    table, picture = re.fullmatch(
+        r'<pre>(.*)</pre><img src="data:image/png;base64,([^"]+)".*/>', shown["text/html"], re.S
+    ).groups()  # pyright: ignore
+    assert html.unescape(table) == repr(result)
+    assert base64.b64decode(picture).startswith(b"\x89PNG")
+
+
+def test_a_picture_that_cannot_be_drawn_does_not_take_the_table_away(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    result = pcjax.evaluate(trials=20, max_steps=20_000, direction="does")
+
+    def fails(_: pcjax.Evaluation) -> None:
+        raise OSError("no <fonts>")
+
+    monkeypatch.setattr("pcjax.view.plots.plot_evaluation", fails)
+    told = result._repr_html_()
+    assert told.startswith(f"<pre>{html.escape(repr(result))}</pre>")
+    assert told.endswith("<p>no picture: OSError: no &lt;fonts&gt;</p>")
 
 
 def test_a_picture_is_shown_without_set_up() -> None:

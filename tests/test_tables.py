@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +15,8 @@ import pcjax
 from pcjax.cli import main
 from pcjax.cli.map import map_text
 from pcjax.cli.optimize import as_text
-from pcjax.design.outcome import Candidate, Part
+from pcjax.design.checkpoint import Progress, Step
+from pcjax.design.outcome import Candidate, Optimum, Part
 from pcjax.paper.claims import Claim, judge_claims
 from pcjax.paper.tables import figure_table
 from pcjax.results.map_csv import load_map_csv, map_as_csv
@@ -176,30 +176,31 @@ def test_an_optimum_fits() -> None:
     task = pcjax.Task(pcjax.Circle(25.0), pcjax.WristTilt(), ("does", "eoen"), 600_000)
     estimate = pcjax.Estimate(1234.5678, 123.4567, 1000.0, 1500.1234)
     design = np.array([-12.3456, 123.456])
-    found = SimpleNamespace(
+    step = Step([0.0, 0.0], 0.0, 0.0, [], [])
+    found = Optimum(
         start=design,
         best=design,
         moved=True,
+        start_hand=space.hand(design),
         start_score=estimate,
         best_score=estimate,
         improvement=estimate,
-        better=True,
         candidates=[Candidate(design + k, estimate, estimate) for k in (0, 1)],
         certainty=0.5,
         parts=[Part(estimate, estimate, estimate)],
-        progress=SimpleNamespace(iteration=100, history=[[], []]),
+        progress=Progress([[step] * 100], [], []),
         invalid=12_345,
         interrupted=True,
         trials=100_000_000,
+        notes=(LONG,),
     )
     text = fits(
-        as_text(
-            cast(Any, found), space, pcjax.Surrogate(task), [{"amplitude_deg": 12.3456}], 12_345.6
-        )
+        as_text(found, space, pcjax.Surrogate(task), [{"amplitude_deg": 12.3456}], 12_345.6)
     )
     assert "fingertip_length_2" in text
     assert "another end" in text
     assert "amplitude_deg 12.3456" in text
+    assert "parameter 2" in fits(repr(found))
 
 
 def test_an_inspection_fits() -> None:

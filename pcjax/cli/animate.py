@@ -79,6 +79,7 @@ def _run(arguments: argparse.Namespace) -> None:
         speed=arguments.speed,
         fps=arguments.fps,
         title=name,
+        units=study.units,
         progress=True,
     )
     step = f"step {recording.escape_step:,} ({recording.seconds:.3f} s)"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -47,7 +46,7 @@ from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import FORMS, OBJECTIVES, Surrogate
 from pcjax.results.estimates import as_plain
 from pcjax.results.saving import save_text
-from pcjax.results.tables import estimate_text, in_columns, interval_text, wrapped
+from pcjax.results.tables import estimate_text, interval_text, wrapped
 from pcjax.study.spec import Objective, Study
 from pcjax.study.vary import full_name
 from pcjax.units import in_brackets
@@ -339,31 +338,8 @@ def _run_front(
         }
         print(json.dumps(told))
         return
-    titles = [p.name + in_brackets(p.label, surrogate.task.units) for p in space.free]
-    spec = ",.0f" if found.names[0].endswith("index1") and not surrogate.task.also else ",.4f"
-    rows = [
-        [name, *(f"{x:.4g}" for x in one.design), *(estimate_text(aim, spec) for aim in one.aims)]
-        for name, one in [
-            *((str(k), one) for k, one in enumerate(found.members, start=1)),
-            ("moved start" if found.moved else "start", found.start),
-        ]
-    ]
-    lines = [
-        f"{name}: {'more' if larger else 'less'} is better"
-        for name, larger in zip(found.names, found.larger, strict=True)
-    ]
-    if found.undefined:
-        lines.append(
-            f"{found.undefined} designs are left out, as their trials cannot tell one of the aims: "
-            "take more trials, another limit, or --objective index1"
-        )
-    if found.invalid:
-        lines.append(f"{found.invalid:,} trials went wrong with some hand, and were left out")
-    stop = "interrupted after " if found.interrupted else ""
-    lines.append(f"{stop}{found.trials:,} trials, {seconds:.1f} s")
-    print(
-        "\n".join([in_columns(["", *titles, *found.names], rows, left=[0]), *map(wrapped, lines)])
-    )
+    names = [p.name + in_brackets(p.label, surrogate.task.units) for p in space.free]
+    print(f"{found.table(names)}, {seconds:.1f} s")
 
 
 def as_json(
@@ -428,30 +404,8 @@ def as_text(
 ) -> str:
     """The result as a table and a verdict."""
     what = ("score " if len(surrogate.task.directions) == 2 else "") + score_name(surrogate)
-    start = "moved start" if found.moved else "start"
-    heads = ["", start, "best"]
-    rows = [
-        [p.name + in_brackets(p.label, surrogate.task.units), f"{a:.4g}", f"{b:.4g}"]
-        for p, a, b in zip(space.free, found.start, found.best, strict=True)
-    ]
-    lines = [
-        f"{what}, {title}: {estimate_text(score, ',.4f')} {interval_text(score, ',.4f')}"
-        for title, score in ((start, found.start_score), ("best", found.best_score))
-    ]
-    gain = found.improvement
-    verdict = "better" if found.better else "not better for certain"
-    verdict = "worse" if gain.high < 0 else verdict
-    if math.isnan(gain.value):
-        verdict = "it cannot be known"
-        lines.append(
-            "a score is undefined where no trial at all escapes, or none is held to the limit from "
-            "outside: take more trials, another limit, or --objective index1"
-        )
-    lines.append(
-        f"improvement: {estimate_text(gain, ',.4f')} {interval_text(gain, ',.4f')}: "
-        f"{verdict} (exact, unseen trials, the same for both; 95 % interval)"
-    )
-    lines += _parts(found, conditions)
+    names = [p.name + in_brackets(p.label, surrogate.task.units) for p in space.free]
+    lines = _parts(found, conditions)
     lines += _others(found, space)
     rounds = f"{found.progress.iteration} iterations, " if found.progress.history else ""
     if found.invalid:
@@ -461,4 +415,4 @@ def as_text(
         )
     stop = "interrupted after " if found.interrupted else ""
     lines.append(f"{stop}{rounds}{found.trials:,} trials, {seconds:.1f} s")
-    return "\n".join([in_columns(heads, rows, left=[0]), *map(wrapped, lines)])
+    return "\n".join([found.table(names, what), *map(wrapped, lines)])

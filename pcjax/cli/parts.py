@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 import os
 import warnings
 from collections.abc import Mapping, Sequence
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pcjax.components import Quantity
+from pcjax.importing import named
 from pcjax.paper import constants as paper
 from pcjax.simulate.choose import engine_names
 from pcjax.simulate.engine import ENGINES, Engine
@@ -279,6 +279,4 @@ def check_picture(path: Path | None) -> None:
 
 def save_picture(plot: str, data: Any, path: Path) -> None:
     """Draws with a function, "module.name", which is imported now: matplotlib takes a second."""
-    module, _, name = plot.rpartition(".")
-    draw = getattr(importlib.import_module(f"pcjax.{module}"), name)
-    draw(data).savefig(path, dpi=130)
+    named(plot)(data).savefig(path, dpi=130)

@@ -8,6 +8,7 @@ weighing of the two aims in every draw (Knowles 2006).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +25,8 @@ from pcjax.design.space import Design, DesignSpace
 from pcjax.design.starts import given_start, starting_designs
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate
+from pcjax.results.tables import estimate_text, in_columns, wrapped
+from pcjax.showing import Shown
 
 _ROUNDS = 24
 """Unless given."""
@@ -53,8 +56,9 @@ class Member:
 
 
 @dataclass(frozen=True)
-class Front:
-    """Designs none of which is beaten by another one in both aims.
+class Front(Shown):
+    """Designs none of which is beaten by another one in both aims; prints as a table, without the
+    names of the parameters, which only the space knows.
 
     Attributes:
         names: of the aims.
@@ -70,6 +74,8 @@ class Front:
         interrupted: whether the search was stopped before its end.
     """
 
+    drawn_by = "view.front.plot_aims"
+
     names: tuple[str, str]
     larger: tuple[bool, bool]
     members: list[Member]
@@ -80,6 +86,46 @@ class Front:
     trials: int
     invalid: int
     interrupted: bool
+
+    def __repr__(self) -> str:
+        return self.table([f"parameter {k}" for k in range(1, 1 + len(self.start.design))])
+
+    def table(self, names: Sequence[str]) -> str:
+        """The designs with their two values.
+
+        Arguments:
+            names: of the parameters, with their units.
+        """
+        rows = [
+            [
+                name,
+                *(f"{x:.4g}" for x in one.design),
+                *map(_aim_text, one.aims, self.names),
+            ]
+            for name, one in [
+                *((str(k), one) for k, one in enumerate(self.members, start=1)),
+                ("moved start" if self.moved else "start", self.start),
+            ]
+        ]
+        lines = [
+            f"{name}: {'more' if larger else 'less'} is better"
+            for name, larger in zip(self.names, self.larger, strict=True)
+        ]
+        if self.undefined:
+            lines.append(
+                f"{self.undefined} designs are left out, as their trials cannot tell one of the "
+                "aims: take more trials, another limit, or objective index1"
+            )
+        if self.invalid:
+            lines.append(f"{self.invalid:,} trials went wrong with some hand, and were left out")
+        stop = "interrupted after " if self.interrupted else ""
+        lines.append(f"{stop}{self.trials:,} trials")
+        table = in_columns(["", *names, *self.names], rows, left=[0])
+        return "\n".join([table, *map(wrapped, lines)])
+
+
+def _aim_text(aim: Estimate, name: str) -> str:
+    return estimate_text(aim, ",.0f" if name.endswith("index1") else ",.4f")
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ search has not seen.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,6 +18,8 @@ from pcjax.design.starts import Start
 from pcjax.model.hand import HandDesign
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate
+from pcjax.results.tables import estimate_text, in_columns, interval_text, wrapped
+from pcjax.showing import Shown
 
 METHODS = ("model", "gradient", "grid", "cma")
 """Ways to look for a better hand; see `pcjax.design.optimize.optimize`."""
@@ -106,8 +109,9 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Optimum:
-    """What an optimisation found.
+class Optimum(Shown):
+    """What an optimisation found; prints as a table, without the names of the parameters, which
+    only the space knows.
 
     Attributes:
         start: the given hand's design, even if it is not an allowed one; where that hand cannot be
@@ -128,6 +132,8 @@ class Optimum:
         notes: what is wrong with the given hand, a line each.
         tried: all designs that a model has seen; none for the other methods.
     """
+
+    drawn_by = "view.designs.plot_history"
 
     start: Design
     best: Design
@@ -150,6 +156,48 @@ class Optimum:
     def better(self) -> bool:
         """Whether the result is better than the start for certain (95 %)."""
         return self.improvement.low > 0
+
+    @property
+    def verdict(self) -> str:
+        """Whether the result is better than the start, in words."""
+        if math.isnan(self.improvement.value):
+            return "it cannot be known"
+        if self.improvement.high < 0:
+            return "worse"
+        return "better" if self.better else "not better for certain"
+
+    def __repr__(self) -> str:
+        names = [f"parameter {k}" for k in range(1, 1 + len(self.best))]
+        spent = f"{self.trials:,} trials"
+        return "\n".join([self.table(names, "score"), *map(wrapped, [*self.notes, spent])])
+
+    def table(self, names: Sequence[str], what: str) -> str:
+        """Start and best with their scores, and how they compare.
+
+        Arguments:
+            names: of the parameters, with their units.
+            what: the score is called.
+        """
+        start = "moved start" if self.moved else "start"
+        rows = [
+            [name, f"{a:.4g}", f"{b:.4g}"]
+            for name, a, b in zip(names, self.start, self.best, strict=True)
+        ]
+        lines = [
+            f"{what}, {name}: {estimate_text(score, ',.4f')} {interval_text(score, ',.4f')}"
+            for name, score in ((start, self.start_score), ("best", self.best_score))
+        ]
+        gain = self.improvement
+        if math.isnan(gain.value):
+            lines.append(
+                "a score is undefined where no trial at all escapes, or none is held to the limit "
+                "from outside: take more trials, another limit, or objective index1"
+            )
+        lines.append(
+            f"improvement: {estimate_text(gain, ',.4f')} {interval_text(gain, ',.4f')}: "
+            f"{self.verdict} (exact, unseen trials, the same for both; 95 % interval)"
+        )
+        return "\n".join([in_columns(["", start, "best"], rows, left=[0]), *map(wrapped, lines)])
 
 
 def accept(

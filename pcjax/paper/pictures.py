@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,6 +13,7 @@ from pcjax.paper import constants as paper
 from pcjax.paper.figures import Curve, curve, score_curve
 from pcjax.results.schema import NAMES
 from pcjax.results.tables import engines_text
+from pcjax.view.labels import score_label
 from pcjax.view.picture import Picture
 from pcjax.view.plots import COLOURS
 
@@ -37,10 +40,10 @@ def plot_figure(dataset: xr.Dataset) -> Figure:
         axis.set_ylim(0, 1.02 * limit)
         axis.legend(handles=[axis.get_lines()[0], right.get_lines()[0]], loc="upper left")
     else:
-        symbol = {"gap_width": "$W_g$", "radius": "$r_o$"}[settings.varies]
+        what = {"gap_width": "gap width", "radius": "radius"}[settings.varies]
         values = settings.gap_widths if settings.varies == "gap_width" else settings.radii
         for value, colour in zip(values, COLOURS, strict=True):
-            label = f"{symbol} = {value:g} $L_p$"
+            label = f"{what} {value:g} palm lengths"
             where: dict[str, float] = {settings.varies: value}
             if name == "12":
                 _band(axis, score_curve(dataset, where=where), colour, label, 1.0)
@@ -48,7 +51,7 @@ def plot_figure(dataset: xr.Dataset) -> Figure:
                 direction = settings.directions[0]
                 _band(axis, curve(dataset, direction, where=where), colour, label, 1e-3)
         if name == "12":
-            axis.set_ylabel("score DoEs / EoEn (index 1)")
+            axis.set_ylabel(score_label("DoEs / EoEn by index1"))
             axis.axhline(1.0, color="0.6", lw=0.8)
         else:
             axis.set_ylabel(f"{NAMES[settings.directions[0]]}: index 1 [thousand steps]")
@@ -58,7 +61,8 @@ def plot_figure(dataset: xr.Dataset) -> Figure:
     axis.grid(alpha=0.3)
     attrs = dataset.attrs
     axis.set_title(
-        f"{settings.title}\n{attrs['trials']:,} trials, limit {attrs['max_steps']:,} steps; "
+        f"{_in_symbols(settings.title)}\n"
+        f"{attrs['trials']:,} trials, limit {attrs['max_steps']:,} steps; "
         f"{engines_text(attrs['engine'], dataset.dt)}\n95 % bands, hollow: full cage",
         fontsize=10,
     )
@@ -83,7 +87,7 @@ def _plot_arm_figure(dataset: xr.Dataset) -> Figure:
             ("theta_1", first, "2", COLOURS[1]),
         ):
             line = curve(dataset, "does", where={fixed: at})
-            _band(axis, line, colour, rf"$\theta_{{i{varied}}}$ varied", 1e-3)
+            _band(axis, line, colour, f"joint angle {varied} varied", 1e-3)
         axis.legend()
         axis.set_yscale("log")
     else:
@@ -98,11 +102,18 @@ def _plot_arm_figure(dataset: xr.Dataset) -> Figure:
         axis.set_ylim(0, None)
     axis.grid(alpha=0.3, which="both" if name == "15" else "major")
     axis.set_title(
-        f"{attrs['title']}\n{attrs['trials']:,} trials, limit {attrs['max_steps']:,} steps; "
+        f"{_in_symbols(attrs['title'])}\n"
+        f"{attrs['trials']:,} trials, limit {attrs['max_steps']:,} steps; "
         f"{engines_text(attrs['engine'], dataset.dt)}\n95 % bands, hollow: full cage",
         fontsize=10,
     )
     return figure
+
+
+def _in_symbols(title: str) -> str:
+    """A title with the paper's symbols as it prints them."""
+    greek = re.sub(r"\btheta_(\w+)", r"$\\theta_{\1}$", title)
+    return re.sub(r"\b([A-Z])_(\w)\b", r"$\1_\2$", greek)
 
 
 def _band(axis: Axes, line: Curve, colour: str, label: str, scale: float) -> None:

@@ -31,14 +31,16 @@ from pcjax.results.tables import (
     stick_text,
     wrapped,
 )
+from pcjax.showing import Shown
 from pcjax.simulate.outcomes import LIMIT, STATUS_NAMES, Outcomes
 
 
-class Evaluation:
+class Evaluation(Shown):
     """How hard a hand is to escape (DoEs), how easy to enter (EoEn), and the score.
 
-    Prints as a table. `dataset` holds everything: the escape step and status of every trial, the
-    limbs and goal lines, and in its attributes how it was made.
+    Prints as a table, and shows in notebooks with its picture. `dataset` holds everything: the
+    escape step and status of every trial, the limbs and goal lines, and in its attributes how it
+    was made.
 
     Examples:
         >>> import pcjax
@@ -50,6 +52,8 @@ class Evaluation:
         >>> result.to_xarray().index1.dims
         ('direction', 'statistic')
     """
+
+    drawn_by = "view.plots.plot_evaluation"
 
     def __init__(self, dataset: xr.Dataset):
         self.attrs: dict[str, Any] = dict(dataset.attrs)

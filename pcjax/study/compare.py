@@ -16,6 +16,7 @@ from pcjax.results.estimates import as_plain
 from pcjax.results.evaluation import Evaluation
 from pcjax.results.schema import length_unit_of
 from pcjax.results.tables import in_columns, interval_text, shortened, wrapped
+from pcjax.showing import Shown
 from pcjax.study.evaluate import Experiment
 from pcjax.study.spec import Study
 from pcjax.units import with_unit
@@ -24,7 +25,7 @@ Verdict = Literal["better", "worse", "not certain"]
 
 
 @dataclass(frozen=True)
-class Ranking:
+class Ranking(Shown):
     """Hands in the order of their scores, by index 1; of DoEs where some hand has no EoEn.
 
     Attributes:
@@ -32,6 +33,8 @@ class Ranking:
         by: what they are ranked by, "score" or "does".
         precision_target: what was asked for (see `compare`).
     """
+
+    drawn_by = "view.plots.plot_ranking"
 
     evaluations: Mapping[str, Evaluation]
     by: Literal["score", "does"]

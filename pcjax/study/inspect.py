@@ -10,16 +10,19 @@ import jax
 import numpy as np
 
 from pcjax.model.bodies.base import Body
-from pcjax.model.checking import check_geometry
+from pcjax.model.checking import check_geometry, geometry_of
 from pcjax.model.hand import full_cage, points_of
 from pcjax.model.scenario import DIRECTIONS, Scenario, why_no_eoen
 from pcjax.results.schema import NAMES
 from pcjax.results.tables import engines_text, wrapped
+from pcjax.showing import Shown
 from pcjax.simulate.choose import choose_engine
 from pcjax.study.spec import Study
 from pcjax.units import PER_METRE
 
-Box = tuple[tuple[float, float], tuple[float, float]]
+Point = tuple[float, float]
+
+Box = tuple[Point, Point]
 
 _SLOW_FALL, _FAST_FALL = 30.0, 0.02
 """Seconds of a fall through the hand beyond which lengths and gravity hardly go together."""
@@ -34,6 +37,7 @@ class View:
 
     Attributes:
         gap: the narrowest passage between the fingers, a length.
+        passage: its ends.
         starts: lower left and upper right corners of the boxes that the object's centre starts in,
             one at each end of the palm.
         problem: why it cannot be run, "" if it can; then the rest is not given.
@@ -44,10 +48,11 @@ class View:
     gap: float | None = None
     starts: tuple[Box, Box] | None = None
     engine: str | None = None
+    passage: tuple[Point, Point] | None = None
 
 
 @dataclass(frozen=True)
-class Inspection:
+class Inspection(Shown):
     """A study before it is evaluated; prints as a list.
 
     Attributes:
@@ -58,6 +63,8 @@ class Inspection:
         fall: about how long the object takes through the whole hand where it is pulled most, s.
         doubts: what is probably not meant.
     """
+
+    drawn_by = "view.designs.plot_inspection"
 
     study: Study
     views: dict[str, View]
@@ -184,7 +191,9 @@ def _view(study: Study, direction: str) -> View:
     except ValueError as error:
         return View(str(error))
     engine_text = engines_text(engine.provenance, engine.step_taken(study.drive.period))
-    return View("", gap, (_starts(scenario, 0.0), _starts(scenario, 0.9)), engine_text)
+    first, second = geometry_of(scenario).passage
+    passage = (float(first.x), float(first.y)), (float(second.x), float(second.y))
+    return View("", gap, (_starts(scenario, 0.0), _starts(scenario, 0.9)), engine_text, passage)
 
 
 def _starts(scenario: Scenario, end: float) -> Box:

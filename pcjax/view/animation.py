@@ -3,8 +3,9 @@
 A wrist tilts the plane of the picture like a tray, about two axes at once: seen from above the hand
 stays put, and what changes is gravity's part in that plane. So the hand is drawn fixed, and a dial
 shows where that part points and how strong it is. An arm carries the hand about in the plane of the
-picture under steady gravity, so there everything is drawn as it is in the world. The trail is the
-object's path in the hand: an escape is a motion out of the hand.
+picture under steady gravity, so there everything is drawn as it is in the world. The path is the
+object's in the hand, as an escape is a motion out of the hand, and so are the places where it has
+touched: of an object that is stuck they say where.
 """
 
 from __future__ import annotations
@@ -34,6 +35,8 @@ from pcjax.physics.state import INVALID, PASSED
 from pcjax.progress import progress_bar
 from pcjax.simulate.replay import Frames, Recording, check_in_sight, pick_trial, record
 from pcjax.simulate.stepping import safe_step
+from pcjax.view.contacts import touches
+from pcjax.view.labels import length_text
 from pcjax.view.scene import draw_scene
 from pcjax.view.shapes import COLOURS
 
@@ -41,7 +44,7 @@ FILMS = (".gif", ".mp4", ".html")
 """Kinds of films, by the file's ending."""
 
 _TRAIL = 8.0
-"""Seconds of the object's path behind it."""
+"""Seconds of the object's path behind it that are drawn strongly."""
 
 _TRAIL_POINTS = 120
 
@@ -49,6 +52,11 @@ _HOLD = 1.5
 """Seconds of film for which the last picture stays."""
 
 _MOST_FRAMES = 5000
+
+_SIDE = 1.7
+"""Width of the column beside the picture, inches."""
+
+_TOUCHED = "#56b4e9"
 
 _DPI = 100
 
@@ -84,6 +92,7 @@ def animate(
     speed: float = 4.0,
     fps: int = 20,
     title: str = "",
+    units: str = "model",
     progress: bool = False,
 ) -> Recording:
     """Films the end of one trial.
@@ -101,6 +110,7 @@ def animate(
         speed: seconds of the trial in one of the film.
         fps: pictures in a second of the film.
         title: of the film.
+        units: of lengths (see `pcjax.units`), for the scale.
         progress: whether to show bars on stderr.
 
     Returns:
@@ -137,21 +147,13 @@ def animate(
     begin = max(recording.seconds - seconds, 0.0)
     count = max(math.ceil((recording.seconds - begin) / speed * fps), 1)
     times = np.linspace(begin, recording.seconds, count + 1)
-    _save(recording, times, Path(path), speed, fps, title, progress)
+    film = _Film(recording, times, speed, title, units)
+    _save(film, len(times), Path(path), fps, progress)
     return recording
 
 
-def _save(
-    recording: Recording,
-    times: np.ndarray,
-    path: Path,
-    speed: float,
-    fps: int,
-    title: str,
-    progress: bool,
-) -> None:
-    film = _Film(recording, times, speed, title)
-    shown = list(range(len(times))) + [len(times) - 1] * round(_HOLD * fps)
+def _save(film: _Film, count: int, path: Path, fps: int, progress: bool) -> None:
+    shown = list(range(count)) + [count - 1] * round(_HOLD * fps)
     animation = FuncAnimation(
         film.figure, film.draw, frames=shown, init_func=lambda: (), cache_frame_data=False
     )
@@ -181,7 +183,9 @@ def _writer(path: Path, fps: int) -> AbstractMovieWriter:
 class _Film:
     """The figure of a film, and how each of its pictures is drawn."""
 
-    def __init__(self, recording: Recording, times: np.ndarray, speed: float, title: str):
+    def __init__(
+        self, recording: Recording, times: np.ndarray, speed: float, title: str, units: str
+    ):
         self._recording, self._speed, self._title = recording, speed, title
         self._frames = recording.at(times)
         pull = float(np.hypot(*self._frames.pull.T).max())
@@ -189,14 +193,17 @@ class _Film:
         self._low, self._high = self._extent()
         width, height = self._high - self._low
         # Room for the pictures' text above, and for the dial on the right.
-        tall = min(4.4, 7.0 * height / width)
-        wide = max(tall * width / height, 2.6)
-        self.figure = Figure(figsize=(wide + 1.7, tall + 0.5), dpi=_DPI)
-        right, top = wide / (wide + 1.7), tall / (tall + 0.5)
+        tall = max(min(4.4, 7.0 * height / width), 3.2)
+        wide = max(min(tall * width / height, 7.0), 2.6)
+        self.figure = Figure(figsize=(wide + _SIDE, tall + 0.5), dpi=_DPI)
+        right, top = wide / (wide + _SIDE), tall / (tall + 0.5)
         self._main = self.figure.add_axes((0.0, 0.0, right, top))
-        side = 1.4 / (wide + 1.7), 1.4 / (tall + 0.5)
+        side = 1.4 / (wide + _SIDE), 1.4 / (tall + 0.5)
         self._dial = self.figure.add_axes((right + 0.01, 0.62 * top, *side))
         self._text_at = right + 0.01 + side[0] / 2
+        key = self.figure.add_axes((right + 0.01, 0.0, side[0], 1.0 / (tall + 0.5)))
+        _draw_key(key, min(wide / width, tall / height), units)
+        self._touches = touches(recording, float(times[0]))
 
     def _extent(self) -> tuple[np.ndarray, np.ndarray]:
         """Corners of the box that everything stays in."""
@@ -228,7 +235,14 @@ class _Film:
         return ()
 
     def _draw_trail(self, k: int) -> None:
-        now = self._frames.times[k]
+        recording, frames = self._recording, self._frames
+        begin, now = frames.times[0], frames.times[k]
+        gone = recording.times[(recording.times > begin) & (recording.times < now)]
+        whole = recording.path(np.concatenate([[begin], gone, [now]]))
+        self._main.plot(*frames.in_world(whole, k).T, color=COLOURS[1], alpha=0.35, lw=1.0)
+        when, where = self._touches
+        touched = frames.in_world(where[when <= now], k)
+        self._main.plot(*touched.T, "o", color=_TOUCHED, ms=3.5, zorder=4.5)
         times = np.linspace(max(now - _TRAIL, 0.0), now, _TRAIL_POINTS)
         path = self._frames.in_world(self._recording.path(times), k)
         pieces = np.stack([path[:-1], path[1:]], axis=1)
@@ -260,7 +274,30 @@ class _Film:
         if k == len(frames.times) - 1:
             ending = _ENDINGS.get(recording.status, "still inside")
             clock, colour = f"{ending}\n{recording.seconds:.2f} s", COLOURS[1]
-        write(self._text_at, 0.2, clock, ha="center", va="center", fontsize=12, color=colour)
+        write(self._text_at, 0.36, clock, ha="center", va="center", fontsize=12, color=colour)
+
+
+def _draw_key(axis: Axes, scale: float, units: str) -> None:
+    """What path and dots are, and how long a length is.
+
+    Arguments:
+        axis: 1.4 inches wide and 1 inch high.
+        scale: inches of the picture for a length of 1.
+        units: of lengths.
+    """
+    axis.set_axis_off()
+    axis.set(xlim=(0.0, 1.4), ylim=(0.0, 1.0))
+    axis.plot([0.1, 0.4], [0.86, 0.86], color=COLOURS[1], lw=1.6)
+    axis.plot([0.25], [0.64], "o", color=_TOUCHED, ms=3.5)
+    for y, word in ((0.86, "path"), (0.64, "touched")):
+        axis.text(0.5, y, word, va="center", fontsize=9, color="0.3")
+    most = 1.2 / scale
+    power = 10.0 ** math.floor(math.log10(most))
+    length = max(step * power for step in (1, 2, 5) if step * power <= most)
+    ends = 0.7 + 0.5 * length * scale * np.array([-1, 1])
+    axis.plot(ends, [0.32, 0.32], color="0.3", lw=1.2, marker="|", ms=6)
+    text = length_text(length, units)
+    axis.text(0.7, 0.24, text, ha="center", va="top", fontsize=9, color="0.3")
 
 
 def _draw_dial(axis: Axes, g: float, frames: Frames, k: int) -> None:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import jax
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Rectangle
-from scipy.interpolate import NearestNDInterpolator
+from matplotlib.ticker import MaxNLocator
 
 from pcjax.design.compare import compare
 from pcjax.design.map import FINE, score_name
@@ -23,7 +22,10 @@ from pcjax.model.hand import points_of
 from pcjax.quality.surrogate import Surrogate
 from pcjax.results.schema import NAMES, length_unit_of, place_of
 from pcjax.study.inspect import Inspection
-from pcjax.units import in_brackets, with_unit
+from pcjax.units import length_in_words
+from pcjax.view.contours import draw_contours
+from pcjax.view.dimension import draw_gap
+from pcjax.view.labels import axis_label, length_text, score_label
 from pcjax.view.picture import Picture
 from pcjax.view.shapes import COLOURS, draw_limbs, draw_object, name_axes
 
@@ -47,6 +49,13 @@ def plot_optimum(data: tuple[Optimum, DesignSpace, Surrogate]) -> Figure:
     return figure
 
 
+def plot_history(found: Optimum) -> Figure:
+    """The scores along the way, of what is all that an optimum knows without its space."""
+    figure = Picture(figsize=(6.4, 4.4), layout="constrained")
+    _draw_history(figure.subplots(), found, "score")
+    return figure
+
+
 def plot_inspection(found: Inspection) -> Figure:
     """The hand in each direction that can be run, with the box of starts and the object in it, in
     the circle in which it can turn."""
@@ -66,7 +75,7 @@ def plot_inspection(found: Inspection) -> Figure:
         axis.margins(0.08)
         name_axes(axis, study.units)
         view = found.views[direction]
-        if view.starts is None or view.gap is None:
+        if view.starts is None or view.gap is None or view.passage is None:
             axis.set_title(f"{NAMES[direction]}: cannot be run")
             continue
         for (x0, y0), (x1, y1) in view.starts:
@@ -76,8 +85,9 @@ def plot_inspection(found: Inspection) -> Figure:
         if body.oriented:
             around = Circle((x0, y0), float(body.radius), fill=False, ls=":", ec="0.4", zorder=4)
             axis.add_patch(around)
-        gap, width = (with_unit(length, study.units) for length in (view.gap, found.width))
-        axis.set_title(f"{NAMES[direction]}: gap {gap}, object {width}")
+        draw_gap(axis, np.array(view.passage), view.gap, study.units)
+        width = length_text(found.width, study.units)
+        axis.set_title(f"{NAMES[direction]}: the object needs {width}")
     return figure
 
 
@@ -108,6 +118,10 @@ def draw_hands(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrog
 
 def draw_history(axis: Axes, found: Optimum, surrogate: Surrogate) -> None:
     """Scores that the search saw with 95 % bands, exact checkpoints, and the final comparison."""
+    _draw_history(axis, found, score_label(score_name(surrogate)))
+
+
+def _draw_history(axis: Axes, found: Optimum, label_of_score: str) -> None:
     last = 1
     for n, steps in enumerate(found.progress.history):
         colour = COLOURS[0] if len(found.progress.history) == 1 else f"C{n % 10}"
@@ -145,9 +159,10 @@ def draw_history(axis: Axes, found: Optimum, surrogate: Surrogate) -> None:
             label="exact, unseen trials" if name == "start" else None,
         )
     gain = found.improvement
+    axis.xaxis.set_major_locator(MaxNLocator(integer=True))
     axis.set(
         xlabel="iteration",
-        ylabel=score_name(surrogate),
+        ylabel=label_of_score,
         title=f"improvement {gain.value:.3g} [{gain.low:.3g}, {gain.high:.3g}]",
     )
     axis.grid(alpha=0.3)
@@ -163,11 +178,13 @@ def draw_map(axis: Axes, found: Optimum, space: DesignSpace, surrogate: Surrogat
     rough = replace(surrogate, contact_layer=0.0)
     trials = min(surrogate.trials, _MAP_TRIALS)
     score = np.exp(compare(rough, space, grid, trials=trials, seed=0).logs)
-    _draw_score(axis, xs, ys, score.reshape(_MAP, _MAP), "exact score")
     fine = [np.linspace(p.low, p.high, FINE) for p in space.free]
     gaps, possible = space.look(np.stack(np.meshgrid(*fine), axis=-1))
-    _draw_regions(axis, fine, gaps, possible, space.least_gap(1.0), hatched=False)
-    _name_parameters(axis, [p.label for p in space.free], surrogate.task.units)
+    least = space.least_gap(1.0)
+    label, covered = score_label(score_name(surrogate)), (fine, (gaps < least) | ~possible)
+    draw_contours(axis, xs, ys, score.reshape(_MAP, _MAP), label, covered, found.best[None])
+    _draw_regions(axis, fine, gaps, possible, least, hatched=False)
+    _name_parameters(axis, [p.label for p in space.free], surrogate.task.units, {})
     if len(found.tried):
         axis.plot(*np.transpose(found.tried), ".", color="black", ms=3, alpha=0.6, zorder=3)
     for n, steps in enumerate(found.progress.history):
@@ -190,57 +207,42 @@ def plot_map(dataset: xr.Dataset) -> Figure:
     score, errors = (estimates.sel(statistic=name).values for name in ("value", "se"))
     xs, ys = (dataset[label].values for label in labels)
     attrs = dataset.attrs
-    _draw_score(axis, xs, ys, score, attrs["score_name"])
     fine = "_fine" if "gap_fine" in dataset else ""  # earlier maps have the coarse grid alone
     units = {label: dataset[label].attrs.get("units") for label in labels}
     if "object_width" in attrs and not any(units.values()):
         gaps, least = dataset[f"gap{fine}"].values, float(attrs["object_width"])
     else:  # from a table, or of several objects: it says only where there is a full cage
         gaps, least = np.where(dataset.full_cage.values, 0.0, 1.0), 0.5
-    handles = _draw_regions(
-        axis,
-        [dataset[f"{label}{fine}"].values for label in labels],
-        gaps,
-        dataset[f"possible{fine}"].values,
-        least,
-        hatched=True,
-    )
+    possible = dataset[f"possible{fine}"].values
+    lines = [dataset[f"{label}{fine}"].values for label in labels]
+    covered = (lines, (gaps < least) | ~possible)
+    row, column = np.unravel_index(np.nanargmax(score), score.shape)
+    points = {"best": (xs[column], ys[row])}
+    if "current_score" in attrs:
+        points["current"] = tuple(attrs[f"current_{label}"] for label in labels)
+    name = score_label(attrs["score_name"])
+    draw_contours(axis, xs, ys, score, name, covered, np.array(list(points.values())))
+    handles = _draw_regions(axis, lines, gaps, possible, least, hatched=True)
     open_ones = dataset.possible.values & ~dataset.full_cage.values
     unknown = np.where(open_ones & np.isnan(score), 0.0, 1.0)
     handles += _draw_region(axis, (xs, ys), unknown, 0.5, "0.95", "..", "a score that is undefined")
     _name_parameters(axis, labels, length_unit_of(dataset), units)
-    row, column = np.unravel_index(np.nanargmax(score), score.shape)
-    marks: list[tuple[Any, ...]] = [
-        ("best", xs[column], ys[row], "o", score[row, column], float(errors[row, column]))
-    ]
-    if "current_score" in attrs:
-        at = (attrs[f"current_{label}"] for label in labels)
-        marks.append(("current", *at, "*", attrs["current_score"], attrs["current_se"]))
-    for name, x, y, marker, value, se in marks:
+    known = {
+        "best": (score[row, column], float(errors[row, column])),
+        "current": (attrs.get("current_score", np.nan), attrs.get("current_se", np.nan)),
+    }
+    for name, place in points.items():
+        value, se = known[name]
         label = f"{name} hand: {value:,.4g} ± {se:.2g}" if np.isfinite(value) else f"{name} hand"
-        style = {"mfc": COLOURS[1], "mec": "white", "ms": 15 if marker == "*" else 8, "zorder": 4}
-        handles += axis.plot(x, y, marker, ls="none", label=label, clip_on=False, **style)
+        marker, size = ("*", 15) if name == "current" else ("o", 8)
+        style = {"mfc": COLOURS[1], "mec": "white", "ms": size, "zorder": 4}
+        handles += axis.plot(*place, marker, ls="none", label=label, clip_on=False, **style)
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=9, frameon=False)
     parts = [f"{attrs['hands']:,} hands"]
     if "trials" in attrs:
         parts += [f"{attrs['trials']:,} trials a direction", f"limit {attrs['max_steps']:,} steps"]
     axis.set_title(", ".join(parts), fontsize=10)
     return figure
-
-
-def _draw_score(axis: Axes, xs: np.ndarray, ys: np.ndarray, score: np.ndarray, name: str) -> None:
-    filled = axis.contourf(xs, ys, _without_holes(score), 12, cmap="viridis")
-    axis.figure.colorbar(filled, ax=axis, label=name)
-    levels = list(filled.levels)[1:-1:2]
-    lines = axis.contour(xs, ys, score, levels, colors="white", linewidths=0.7)
-    axis.clabel(lines, fontsize=8, zorder=2)
-
-
-def _without_holes(values: np.ndarray) -> np.ndarray:
-    """Every NaN replaced by the nearest value, so that colours reach the edge of a region."""
-    there = np.isfinite(values)
-    nearest = NearestNDInterpolator(np.argwhere(there), values[there])
-    return nearest(*np.indices(values.shape))
 
 
 def _draw_regions(
@@ -281,13 +283,9 @@ def _draw_region(
 
 
 def _name_parameters(
-    axis: Axes, labels: Sequence[str], units: str, others: Mapping[str, str | None] | None = None
+    axis: Axes, labels: Sequence[str], units: str, others: Mapping[str, str | None]
 ) -> None:
-    """Parameters' labels in words; `others` has the units of those that are no lengths."""
-    words = []
-    for label in labels:
-        brackets, other = in_brackets(label, units), (others or {}).get(label)
-        if other and not label.endswith("_deg"):
-            brackets = "" if other == "1" else f" [{other}]"
-        words.append(label.removesuffix("_deg").replace("_", " ") + brackets)
-    axis.set(xlabel=words[0], ylabel=words[1])
+    """Parameters' labels in words; `others` has the units of those that are not the hand's, which
+    are all lengths but for the angles."""
+    x, y = (axis_label(label, others.get(label) or length_in_words(units)) for label in labels)
+    axis.set(xlabel=x, ylabel=y)

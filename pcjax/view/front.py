@@ -11,6 +11,7 @@ from pcjax.design.space import DesignSpace
 from pcjax.model.bodies.base import placed_outline
 from pcjax.model.hand import HandDesign, points_of
 from pcjax.quality.surrogate import Surrogate
+from pcjax.view.labels import score_label
 from pcjax.view.picture import Picture
 from pcjax.view.shapes import COLOURS, draw_limbs, draw_object
 
@@ -43,6 +44,13 @@ def plot_front(data: tuple[Front, DesignSpace, Surrogate]) -> Figure:
     return figure
 
 
+def plot_aims(found: Front) -> Figure:
+    """The front without its hands: all that it knows without its space."""
+    figure = Picture(figsize=(6.4, 5.0), layout="constrained")
+    _draw_front(figure.subplots(), found, np.arange(len(found.members)))
+    return figure
+
+
 def _draw_front(axis: Axes, found: Front, shown: np.ndarray) -> None:
     axis.plot(*found.tried.T, ".", color="0.75", ms=5, label="tried, as the model sees them")
     values = np.array([[aim.value for aim in member.aims] for member in found.members])
@@ -72,11 +80,10 @@ def _draw_front(axis: Axes, found: Front, shown: np.ndarray) -> None:
             fontsize=9,
             fontweight="bold",
         )
-    unit = " [steps of 0.001 s]" if found.names[0].endswith("index1") else ""
-    ways = ["better: more" if larger else "better: less" for larger in found.larger]
+    ways = ["more is better" if larger else "less is better" for larger in found.larger]
     axis.set(
-        xlabel=f"{found.names[0]}{unit} ({ways[0]})",
-        ylabel=f"{found.names[1]}{unit} ({ways[1]})",
+        xlabel=f"{score_label(found.names[0])}, {ways[0]}",
+        ylabel=f"{score_label(found.names[1])}, {ways[1]}",
         title="no design tried is better in both",
     )
     axis.ticklabel_format(style="plain")

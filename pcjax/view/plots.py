@@ -10,7 +10,7 @@ from pcjax.physics.state import PAPER_DT
 from pcjax.results.evaluation import Evaluation
 from pcjax.results.schema import NAMES, length_unit_of
 from pcjax.study.compare import Ranking
-from pcjax.units import with_unit
+from pcjax.view.dimension import draw_gap
 from pcjax.view.picture import Picture
 from pcjax.view.shapes import COLOURS, draw_limbs, draw_object, name_axes
 
@@ -38,14 +38,14 @@ def plot_ranking(ranking: Ranking) -> Figure:
     rows = -(-len(names) // columns)
     figure = Picture(figsize=(4.0 * columns, 4.4 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    form = ".4g" if ranking.by == "score" else ",.0f"
+    form, unit = (".4g", "") if ranking.by == "score" else (",.0f", " steps")
     for axis in axes[len(names) :]:
         axis.set_axis_off()
     for place, (axis, name) in enumerate(zip(axes, names, strict=False), start=1):
         draw_hand(axis, ranking.evaluations[name], ranking.evaluations[name].directions[0])
         value = ranking.value(name)
         what = "score" if ranking.by == "score" else "DoEs"
-        estimate = f"{what} {value.value:{form}} [{value.low:{form}}, {value.high:{form}}]"
+        estimate = f"{what} {value.value:{form}} [{value.low:{form}}, {value.high:{form}}]{unit}"
         axis.set_title(f"{place}. {name}\n{estimate}", fontsize=10)
     return figure
 
@@ -66,17 +66,7 @@ def draw_hand(axis: Axes, evaluation: Evaluation, direction: str) -> None:
         label="object",
     )
     x0, y0, x1, y1 = data.passage.values
-    axis.annotate("", (x0, y0), (x1, y1), arrowprops={"arrowstyle": "<->", "color": "0.4"})
-    axis.annotate(
-        f"gap {with_unit(float(data.gap), units)}",
-        ((x0 + x1) / 2, (y0 + y1) / 2),
-        (0, -4),
-        textcoords="offset points",
-        ha="center",
-        va="top",
-        color="0.3",
-        fontsize=9,
-    )
+    draw_gap(axis, np.array([[x0, y0], [x1, y1]]), float(data.gap), units)
     axis.set_aspect("equal")
     axis.margins(0.08)
     axis.set_title(
@@ -100,14 +90,17 @@ def draw_survival(axis: Axes, evaluation: Evaluation) -> None:
             left,
             where="post",
             color=colour,
-            label=f"{NAMES[direction]}: index 1 = {indices['index1'].value:,.0f}, "
+            label=f"{NAMES[direction]}: index 1 = {indices['index1'].value:,.0f} steps, "
             f"index 2 = {indices['index2'].value:.3f}",
         )
         axis.fill_between(
             steps * PAPER_DT, left - band, left + band, step="post", color=colour, alpha=0.2, lw=0
         )
     axis.set(
-        xlabel="time [s]", ylabel="share still held", ylim=(0, 1.02), xlim=(0, limit * PAPER_DT)
+        xlabel="time [s]",
+        ylabel="share of trials still held",
+        ylim=(0, 1.02),
+        xlim=(0, limit * PAPER_DT),
     )
     title = f"{n:,} trials a direction, 95 % bands"
     if len(evaluation.directions) == 2:

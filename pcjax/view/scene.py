@@ -75,8 +75,7 @@ def draw_scene(axis: Axes, recording: Recording, frames: Frames, k: int) -> None
     marked = scenario.body.oriented or scenario.law.friction is not None
     mark = (centre, angle) if marked else None
     draw_object(axis, *placed_outline(scenario.body, centre, angle), mark=mark)
-    if marked:
-        draw_contacts(axis, recording, frames, k)
+    draw_contacts(axis, recording, frames, k, slips=marked)
 
 
 def _draw_sideways_pull(axis: Axes, frames: Frames, k: int, length: float) -> None:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from pcjax.importing import xr
 from pcjax.results.schema import INDICES, NAMES, labels_of
+from pcjax.view.labels import axis_label, objective_label, score_label, value_text
 from pcjax.view.picture import Picture
 from pcjax.view.plots import COLOURS
 from pcjax.words import did_you_mean
@@ -66,10 +67,10 @@ def plot_sweep(
             lines = [("", data[x].values, estimate.values)]
         else:
             lines = [
-                (f"{hue} {value:g}", data[x].values, estimate.sel({hue: value}).values)
+                (_text(data, hue, value), data[x].values, estimate.sel({hue: value}).values)
                 for value in data[hue].values
             ]
-    listed = ", ".join(f"{name} {value:g}" for name, value in at.items())
+    listed = ", ".join(_text(data, name, value) for name, value in at.items())
     used = np.unique(data.trials_used.values[data.trials_used.values > 0])
     trials = f"{used[0]:,}" if len(used) == 1 else f"{used[0]:,} to {used[-1]:,}"
     return _figure(lines, x, label, f"{listed + '; ' if listed else ''}{trials} trials", data)
@@ -126,15 +127,19 @@ def plot_grid(
             )
     lines = [
         (
-            ", ".join(f"{name} {_number_text(v)}" for name, v in zip(others, key, strict=True)),
+            ", ".join(_text(data, name, v) for name, v in zip(others, key, strict=True)),
             values[x][some],
             data[y].values[some],
         )
         for key, some in curves.items()
     ]
-    listed = "".join(f"{name} {_number_text(value)}; " for name, value in at.items())
-    label = "index 1 [steps of 0.001 s]" if y == "index1" else "index 2"
+    listed = "".join(f"{_text(data, name, value)}; " for name, value in at.items())
+    label = objective_label(y)
     return _figure(lines, x, label, f"{listed}{data.attrs['trials']:,} trials", data)
+
+
+def _text(data: xr.Dataset, name: str, value: float | str) -> str:
+    return value_text(name, value, data[name].attrs.get("units"))
 
 
 def _number_text(value: float | str) -> str:
@@ -171,11 +176,7 @@ def _figure(
         value, _, low, high = values[order].T
         axis.plot(places[order], value, "o-", ms=4, color=colour, label=name)
         axis.fill_between(places[order], low, high, color=colour, alpha=0.25, lw=0)
-    unit = str(data[x].attrs.get("units", ""))
-    # The model's lengths have no unit, and earlier files say "as in the study" of all but angles.
-    bare = unit in ("", "1", "as in the study") or "model" in unit
-    words = "" if bare else f" [{unit.replace('degree', 'deg')}]"
-    axis.set_xlabel(x.removesuffix("_deg").replace("_", " ") + words)
+    axis.set_xlabel(axis_label(x, data[x].attrs.get("units")))
     axis.set_ylabel(label)
     if len(lines) > 1:
         axis.legend(fontsize=9)
@@ -198,6 +199,5 @@ def _estimate(data: xr.Dataset, y: str | None) -> tuple[xr.DataArray, str]:
     what, _, name = y.partition(".")
     number = (name or "index1")[-1]
     if what == "score":
-        return data.score.sel(index=f"index{number}"), f"score DoEs / EoEn (index {number})"
-    unit = " [steps of 0.001 s]" if number == "1" else ""
-    return data[name].sel(direction=what), f"{NAMES[what]}: index {number}{unit}"
+        return data.score.sel(index=f"index{number}"), score_label(f"DoEs / EoEn by index{number}")
+    return data[name].sel(direction=what), score_label(f"{NAMES[what]} by {name}")
