@@ -283,6 +283,10 @@ def test_a_design_that_is_none_is_red_and_says_why(chromium: Any, address: str) 
 def test_a_trial_is_played_and_a_search_is_taken(chromium: Any, address: str) -> None:
     me = Visitor(chromium, address)
     before = me.told("score")
+    me.at("occupancy").click()
+    for direction in ("does", "eoen"):
+        me.page.locator(f"[data-testid=hand-{direction}] image").wait_for()
+    assert me.page.locator("[data-testid=hand-does] circle.escape").count() > 20
     me.at("play").click()
     me.until("clock", "escaped")
     where = me.page.locator("[data-testid=hand-does] polygon.object")

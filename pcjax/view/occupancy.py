@@ -54,8 +54,7 @@ def plot_occupancy(found: Mapping[str, Occupancy], units: str = "model") -> Figu
         figsize=((max(width, 3.0) + 0.5) * len(found) + 1.6, height + 1.5), layout="constrained"
     )
     axes = figure.subplots(1, len(found), squeeze=False)[0]
-    densest = max((one.share / one.cell**2).max() for one in found.values())
-    norm = LogNorm(densest / _RANGE, densest, clip=True)
+    norm = _norm(max((one.share / one.cell**2).max() for one in found.values()))
     for axis, (direction, one) in zip(axes, found.items(), strict=True):
         draw_occupancy(axis, one, norm)
         axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
@@ -88,6 +87,19 @@ def plot_occupancy(found: Mapping[str, Occupancy], units: str = "model") -> Figu
         frameon=False,
     )
     return figure
+
+
+def shades(found: Occupancy) -> Float[np.ndarray, "rows columns 4"]:
+    """The colours of its map, lowest row first, red, green, blue and opacity; where no object has
+    been it is clear."""
+    density = found.share / found.cell**2
+    coloured = ScalarMappable(_norm(density.max()), _MAP).to_rgba(density)
+    coloured[found.seconds == 0] = 0.0
+    return coloured
+
+
+def _norm(densest: float) -> LogNorm:
+    return LogNorm(densest / _RANGE, densest, clip=True)
 
 
 def draw_occupancy(axis: Axes, found: Occupancy, norm: LogNorm) -> None:

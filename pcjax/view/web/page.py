@@ -18,8 +18,10 @@ from pcjax.view.web.numbers import Curves, Numbers
 from pcjax.view.web.panel import Panel
 from pcjax.view.web.studio import Studio
 from pcjax.view.web.watch import Watch
+from pcjax.view.web.where import Where
 
 STYLE = Path(__file__).with_name("style.css")
+
 
 async def page(study: Study, name: str, folder: Path) -> None:
     """Builds the page of one visitor, whose design is nobody else's.
@@ -46,7 +48,9 @@ async def page(study: Study, name: str, folder: Path) -> None:
     with ui.element("main").classes("columns"):
         with ui.element("div").classes("stack"):
             with ui.element("section").classes("card hand"):
-                Watch(studio, Canvas(studio))
+                canvas = Canvas(studio)
+                Watch(studio, canvas)
+                Where(studio, canvas)
             Curves(studio)
         with ui.element("div").classes("stack"):
             Numbers(studio)
