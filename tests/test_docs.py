@@ -61,7 +61,8 @@ def test_site_builds_without_a_warning(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")],
         cwd=ROOT,
-        env=os.environ | {"PYTHONPATH": str(ROOT), "NO_MKDOCS_2_WARNING": "1"},
+        env=os.environ
+        | {"PYTHONPATH": str(ROOT), "NO_MKDOCS_2_WARNING": "1", "GALLERY_TRIALS": "40"},
         capture_output=True,
         text=True,
         timeout=300,
@@ -72,6 +73,9 @@ def test_site_builds_without_a_warning(tmp_path: Path) -> None:
     home = (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
     assert "experiments/results/fig12.png" in home
     assert (tmp_path / "site" / "experiments" / "results" / "fig12.png").is_file()
+    gallery = (tmp_path / "site" / "gallery" / "index.html").read_text(encoding="utf-8")
+    assert gallery.count("40 trials a direction") == 10
+    assert (tmp_path / "site" / "gallery" / "stick.png").stat().st_size > 10_000
     assert "//fonts" not in home, "nothing is fetched from elsewhere"
 
 

@@ -108,7 +108,15 @@ class Curves:
         with ui.element("section").classes("card survival"):
             self._chart = ui.echart(_curves()).classes("curves")
             self._chart.props["data-testid"] = "survival"
+        self._studio = studio
         studio.on_look.append(self._on_look)
+        studio.on_design.append(self._on_design)
+
+    def _on_design(self, moving: bool) -> None:
+        if self._studio.problem:
+            for one in self._chart.options["series"]:
+                one["data"] = []
+            self._chart.update()
 
     def _on_look(self, look: Look) -> None:
         found, options = look.found, self._chart.options
