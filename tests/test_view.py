@@ -132,6 +132,9 @@ def test_what_is_wrong_with_a_design_is_said() -> None:
     assert problem_of(narrow) == ""
     assert doubt_of(narrow, 0.04).startswith("the gap is 45.27, less than the object's 50")
     assert doubt_of(BOX, 0.04) == ""
+    limit = "fingertip_length + 0.5 gap_width <= 190"
+    assert doubt_of(BOX, 0.04, [limit]) == f"it breaks the limit {limit}"
+    assert doubt_of(BOX, 0.04, ["fingertip_length + 0.5 gap_width <= 200"]) == ""
     one = limb_set(BOX.hand, 0, 2, 3.0, 300.0, mirrored=False)
     assert problem_of(pcjax.Study(one, BOX.body))
 
@@ -273,6 +276,12 @@ def test_a_design_that_is_none_is_red_and_says_why(chromium: Any, address: str) 
     me.page.keyboard.press("Enter")
     assert "clearance" in me.until("problem", "less than the object's")
     me.refined()
+    me.page.get_by_text("Limits").click()
+    me.at("limits").fill("fingertip_length >= 120")
+    me.at("number-gap_width").fill("200")
+    me.page.keyboard.press("Enter")
+    me.until("problem", "breaks the limit fingertip_length >= 120")
+    me.refined()
     me.at("number-radius").fill("-3")
     me.page.keyboard.press("Enter")
     me.notified("radius is -3")
@@ -301,6 +310,7 @@ def test_a_trial_is_played_and_a_search_is_taken(chromium: Any, address: str) ->
     me.page.get_by_role("tab", name="improve").click()
     me.at("optimise").click()
     me.until("optimum", "round")
+    me.page.locator("polyline.ghost").first.wait_for(state="attached")  # the best so far
     told = me.until("optimum", "unseen trials: better")
     keep(me, "improved")
     me.at("take").click()

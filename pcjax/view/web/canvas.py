@@ -62,6 +62,7 @@ class Canvas:
         """What lies beneath the limbs in each direction, as SVG."""
         self.over: dict[str, Callable[[Frame], str]] = {}
         """What takes the object's place, as SVG: a trial that is played."""
+        self._ghost: HandDesign | None = None
         self.frame = frame_of(studio.desk.study.hand, both=True)
         self._before: Study | None = None
         self._held = ""
@@ -141,6 +142,12 @@ class Canvas:
             self._draw_rest(direction, scenarios.get(direction))
         self._place_handles(study)
 
+    def show_ghost(self, hand: HandDesign | None) -> None:
+        """Another hand behind the design, such as the best that a search has found so far."""
+        self._ghost = hand
+        for direction in self._plates:
+            self.redraw(direction)
+
     def redraw(self, direction: str) -> None:
         """What lies beneath and above the limbs, anew."""
         if direction not in self._plates:
@@ -152,7 +159,12 @@ class Canvas:
     def _draw_rest(self, direction: str, scenario: Scenario | None) -> None:
         blank = scenario is None
         under, over = self.under.get(direction), self.over.get(direction)
-        self._set(direction, "under", "" if blank or under is None else under(self.frame))
+        beneath = "" if blank or under is None else under(self.frame)
+        if self._ghost is not None:
+            hand = self._ghost
+            hand = hand if direction == "does" else hand.with_fingertips_mirrored()
+            beneath += hand_svg(hand, self.frame, name="ghost")
+        self._set(direction, "under", beneath)
         self._set(direction, "over", "" if blank or over is None else over(self.frame))
         scene = ""
         if scenario is not None:

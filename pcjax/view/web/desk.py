@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from pcjax.design.parameters import Limit, linear_limit
 from pcjax.model.checking import check_geometry
+from pcjax.model.hand import HandDesign
 from pcjax.study.spec import Study
 from pcjax.units import with_unit
+from pcjax.view.web.dials import parameters_of
 
 _KEPT = 200
 """Changes that can be undone."""
@@ -27,6 +30,7 @@ class Desk:
         pinned: what the design is compared with.
         mirrored: whether both fingers move together.
         clearance: the least that the gap has to be wider than the object, in palm lengths.
+        limits: linear ones as text (see `pcjax.design.parameters.linear_limit`).
     """
 
     opened: Study
@@ -37,6 +41,7 @@ class Desk:
     pinned: Study | None = None
     mirrored: bool = True
     clearance: float = 0.04
+    limits: list[str] = field(default_factory=list)
 
     @classmethod
     def of(cls, study: Study, name: str = "") -> Desk:
@@ -89,13 +94,27 @@ def problem_of(study: Study) -> str:
     return ""
 
 
-def doubt_of(study: Study, clearance: float) -> str:
+def limits_of(hand: HandDesign, texts: Sequence[str]) -> list[Limit]:
+    """Linear limits on a hand's parameters, which all may be named.
+
+    Raises:
+        ValueError: one cannot be read.
+    """
+    return [linear_limit(text, parameters_of(hand)) for text in texts]
+
+
+def doubt_of(study: Study, clearance: float, limits: Sequence[str] = ()) -> str:
     """Why a study that can be evaluated breaks a limit; else "".
 
     Arguments:
         study: what.
         clearance: the least that the gap has to be wider than the object, in palm lengths.
+        limits: linear ones as text.
     """
+    values = [float(one.read(study.hand)) for one in parameters_of(study.hand)]
+    for limit in limits_of(study.hand, limits):
+        if limit.coefficients @ values > limit.most + 1e-9 * abs(limit.most):
+            return f"it breaks the limit {limit.text}"
     gap, width = float(study.hand.gap()), float(study.body.width)
     least = width + clearance * float(study.hand.palm_length)
     if gap >= least * (1 - 1e-9):

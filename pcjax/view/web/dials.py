@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pcjax.components import Quantity
-from pcjax.design.parameters import parameter
+from pcjax.design.parameters import Parameter, parameter
 from pcjax.model.hand import FingerValues, HandDesign
 from pcjax.study.spec import Study
 from pcjax.study.vary import names
@@ -80,6 +80,18 @@ def dials_of(study: Study, *, mirrored: bool) -> list[Dial]:
         value = float(given) if isinstance(given, (int, float)) else math.nan
         found.append(_of_component(label, table, what.in_file(), value, study.units))
     return found
+
+
+def parameters_of(hand: HandDesign) -> list[Parameter]:
+    """All of a hand's parameters that have a name, of both fingers together and of each."""
+    limbs = min(len(row) for row in hand.lengths)
+    names = ["thickness", *(["gap_width"] if limbs >= 3 else [])]
+    for finger in ("", "_1", "_2"):
+        names += [f"fingertip_angle{finger}_deg", f"fingertip_length{finger}"]
+    for finger in ("", "1", "2"):
+        for joint in range(1, limbs + 1):
+            names += [f"joint_angle_{finger}{joint}_deg", f"link_length_{finger}{joint}"]
+    return [parameter(name, hand) for name in names]
 
 
 def alike(hand: HandDesign) -> bool:

@@ -17,6 +17,7 @@ from pcjax.quality.surrogate import Surrogate
 from pcjax.quality.task import Task
 from pcjax.study.spec import Study
 from pcjax.view.shapes import COLOURS
+from pcjax.view.web.canvas import Canvas
 from pcjax.view.web.dials import dials_of
 from pcjax.view.web.numbers import axes, with_interval
 from pcjax.view.web.studio import Studio
@@ -30,10 +31,11 @@ _Z95 = 1.96
 class Improve:
     """What is free, the search's way, and its end."""
 
-    def __init__(self, studio: Studio):
-        self.studio = studio
+    def __init__(self, studio: Studio, canvas: Canvas):
+        self.studio, self.canvas = studio, canvas
         self._steps: list[Progress] = []
         self._stopped = False
+        self._space: DesignSpace | None = None
         self._result: tuple[Study, Optimum, DesignSpace] | None = None
         self._bounds: dict[str, tuple[ui.number, ui.number]] = {}
         self._free = ui.select([], multiple=True, label="free parameters").props("dense use-chips")
@@ -94,7 +96,7 @@ class Improve:
         except ValueError as error:
             studio.refused(str(error))
             return
-        self._steps, self._stopped, self._result = [], False, None
+        self._steps, self._stopped, self._result, self._space = [], False, None, space
         self._working(True)
         settings = Settings(accept_trials=_ACCEPTED_ON, seed=study.run.seed % 2**28)
         try:
@@ -133,7 +135,8 @@ class Improve:
         )
         least = self.studio.desk.clearance * float(study.hand.palm_length)
         width = float(study.body.width)
-        space = design_space(study.hand, bounds, width, least, (), study.directions)
+        limits = self.studio.desk.limits
+        space = design_space(study.hand, bounds, width, least, limits, study.directions)
         return Surrogate(task), space
 
     def _watch(self, state: Progress) -> bool:
@@ -152,6 +155,8 @@ class Improve:
 
     def _working(self, working: bool) -> None:
         self._timer.active = working
+        if not working:
+            self.canvas.show_ghost(None)
         self._start.set_enabled(not working)
         self._stop.set_visibility(working)
         if working:
@@ -174,7 +179,8 @@ class Improve:
         ]
         self._chart.set_visibility(True)
         self._chart.update()
-        if self._timer.active:
+        if self._timer.active and self._space is not None:
+            self.canvas.show_ghost(self._space.hand(way[-1].design))
             state = self._steps[-1]
             self._told.set_text(
                 f"round {state.iteration}, {state.trials:,} trials: "

@@ -54,7 +54,7 @@ async def page(study: Study, name: str, folder: Path) -> None:
             Curves(studio)
         with ui.element("div").classes("stack"):
             Numbers(studio)
-            _tabs(studio)
+            _tabs(studio, canvas)
     studio.tell()
 
 
@@ -62,7 +62,7 @@ def _close(studio: Studio) -> None:
     studio.closed = True
 
 
-def _tabs(studio: Studio) -> None:
+def _tabs(studio: Studio, canvas: Canvas) -> None:
     with ui.element("section").classes("card"):
         with ui.tabs().props("dense no-caps align=left") as tabs:
             design = ui.tab("design")
@@ -72,7 +72,7 @@ def _tabs(studio: Studio) -> None:
             with ui.tab_panel(design):
                 Panel(studio)
             with ui.tab_panel(improve):
-                Improve(studio)
+                Improve(studio, canvas)
             with ui.tab_panel(along):
                 Along(studio)
 

@@ -8,6 +8,7 @@ from functools import partial
 from nicegui import events, ui
 
 from pcjax.study.spec import Study
+from pcjax.view.web.desk import limits_of
 from pcjax.view.web.dials import GROUPS, Dial, alike, dials_of
 from pcjax.view.web.studio import Studio
 
@@ -41,10 +42,17 @@ class Panel:
                     with ui.expansion(title, value=group in ("hand", "body")).classes("group"):
                         for dial in mine:
                             self._row(dial)
-            with ui.expansion("Limits").classes("group"), ui.element("div").classes("line"):
-                ui.label("clearance [palm lengths]")
-                least = ui.number(value=desk.clearance, min=0.0, max=1.0, step=0.01)
-                least.on_value_change(self._clear)
+            with ui.expansion("Limits").classes("group"):
+                with ui.element("div").classes("line"):
+                    ui.label("clearance [palm lengths]")
+                    least = ui.number(value=desk.clearance, min=0.0, max=1.0, step=0.01)
+                    least.on_value_change(self._clear)
+                words = (
+                    "linear limits, a line each, such as fingertip_length + 0.5 gap_width <= 200"
+                )
+                limits = ui.textarea(words, value="\n".join(desk.limits)).props("dense autogrow")
+                limits.props["data-testid"] = "limits"
+                limits.on("blur", lambda: self._limit(str(limits.value or "")))
 
     def _row(self, dial: Dial) -> None:
         with ui.element("div").classes("line"):
@@ -108,6 +116,18 @@ class Panel:
     def _mirror(self, event: events.ValueChangeEventArguments) -> None:
         self.studio.desk.mirrored = bool(event.value)
         self.studio.renew()
+
+    def _limit(self, text: str) -> None:
+        studio = self.studio
+        limits = [line.strip() for line in text.splitlines() if line.strip()]
+        try:
+            limits_of(studio.desk.study.hand, limits)
+        except ValueError as error:
+            studio.refused(str(error))
+            return
+        if limits != studio.desk.limits:
+            studio.desk.limits = limits
+            studio.tell()
 
     def _clear(self, event: events.ValueChangeEventArguments) -> None:
         if event.value is not None and 0 <= event.value <= 1:

@@ -137,7 +137,7 @@ class Studio:
     def _check(self) -> None:
         study = self.desk.study
         self.problem = problem_of(study)
-        self.doubt = "" if self.problem else doubt_of(study, self.desk.clearance)
+        self.doubt = "" if self.problem else doubt_of(study, self.desk.clearance, self.desk.limits)
 
     def tell(self, *, moving: bool = False) -> None:
         """Tells everybody of the design, and begins to follow it."""
