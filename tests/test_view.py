@@ -7,6 +7,8 @@ import json
 import math
 import os
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -123,6 +125,29 @@ def test_a_change_can_be_undone_and_done_again() -> None:
     assert desk.study is BOX
 
 
+def test_the_gap_is_what_was_asked_for_where_the_lids_lean() -> None:
+    right = math.pi / 2
+    chain = ((500.0, 180.0, 80.0),) * 2
+    hand = pcjax.HandDesign(500.0, chain, ((right, right - 0.7, 1.0),) * 2)
+    study = turned(pcjax.Study(hand, pcjax.Circle(25.0)), "gap_width", 250.0)
+    one, other = (joints[2] for joints in joints_of(study.hand))
+    assert other[0] - one[0] == pytest.approx(250)
+    none = turned(turned(BOX, "friction", 0.2), "friction", None)
+    assert none.law == BOX.law
+    with pytest.raises(ValueError, match="has to be a number"):
+        turned(BOX, "radius", None)
+
+
+def test_without_nicegui_it_is_said_in_one_line() -> None:
+    code = (
+        "import sys; sys.modules['nicegui'] = None; sys.argv = ['pcjax', 'view', '--no-browser'];"
+        "from pcjax.cli import main; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == "pcjax: the page needs the package nicegui: pip install 'pcjax[view]'\n"
+
+
 def test_what_is_wrong_with_a_design_is_said() -> None:
     crossed = turned(BOX, "fingertip_length", 400.0)
     crossed = turned(crossed, "fingertip_angle_deg", 80.0)
@@ -152,6 +177,9 @@ def test_files_are_those_of_the_folder(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="outside of the folder"):
         save_study(folder, "../other", BOX)
     assert save_study(folder, "deep/own", BOX) == "deep/own.toml"
+    with pytest.raises(ValueError, match="is there already"):
+        save_study(folder, "deep/own", BOX)
+    assert save_study(folder, "deep/own", BOX, "deep/own.toml") == "deep/own.toml"
     study, doubts = open_study(folder, "deep/own.toml")
     assert (study.body.radius, doubts) == (25, [])
     assert listed(folder, (".toml",)) == ["link.toml", "deep/own.toml"]
@@ -260,6 +288,57 @@ def test_a_joint_is_dragged_and_the_numbers_follow(
     me.well()
 
 
+def test_sliders_and_clicks(chromium: Any, address: str) -> None:
+    me = Visitor(chromium, address)
+    first = me.told("score")
+    # A click beside the joints, or on one without a move, changes nothing.
+    box = me.at("hand-does").bounding_box()
+    me.page.mouse.click(box["x"] + 3, box["y"] + 3)
+    x, y = me.middle("fingertip-1")
+    me.page.mouse.click(x + 4, y + 2)
+    me.page.wait_for_timeout(300)
+    assert me.refined() == first
+    # What a slider is dropped at is refined, however soon it is dropped.
+    for k in range(4):
+        me.drag("slider-fingertip_length", 20 - 40 * (k % 2), 0)
+        me.refined()
+    assert me.told("score") == first or me.at("number-fingertip_length").input_value() != "100"
+    for _ in range(4):
+        me.at("undo").click()
+    assert me.refined() == first
+    # A number that is refused is put back, and so is an emptied one.
+    me.at("number-radius").fill("")
+    me.page.keyboard.press("Enter")
+    me.notified("radius")
+    me.page.wait_for_function(
+        "document.querySelector('[data-testid=number-radius]').value === '25'"
+    )
+    me.at("mirrored").click()
+    me.at("number-link_length_21").wait_for()
+    assert me.told("score") == first
+    me.drag("fingertip-1", 0, 20)
+    me.refined()
+    assert me.at("number-fingertip_length_2").input_value() == "100"
+    assert me.at("number-fingertip_length_1").input_value() != "100"
+    me.well()
+
+
+def test_entering_alone_is_called_so(chromium: Any, folder: Path) -> None:
+    """And a lower index is the better one."""
+    (folder / "enter.toml").write_text('[hand]\npreset = "box"\n\n[run]\ndirection = "eoen"\n')
+    with page_served(folder, "enter.toml") as served:
+        me = Visitor(chromium, served.address)
+        assert me.told("score").startswith("EoEn 229,094")
+        assert me.told("name") == "enter.toml"
+        me.at("pin").click()
+        me.until("against", "EoEn +0")
+        me.drag("fingertip-1", -20, 10)
+        me.refined()
+        gain = float(re.findall(r"EoEn ([+-][\d,]+)", me.told("against"))[0].replace(",", ""))
+        assert me.told("against").endswith("better" if gain < 0 else "worse")
+        me.well()
+
+
 def test_a_design_that_is_none_is_red_and_says_why(chromium: Any, address: str) -> None:
     me = Visitor(chromium, address)
     me.drag("fingertip-1", 130, 10)
@@ -276,7 +355,7 @@ def test_a_design_that_is_none_is_red_and_says_why(chromium: Any, address: str) 
     me.page.keyboard.press("Enter")
     assert "clearance" in me.until("problem", "less than the object's")
     me.refined()
-    me.page.get_by_text("Limits").click()
+    me.page.get_by_text("Limits", exact=True).click()
     me.at("limits").fill("fingertip_length >= 120")
     me.at("number-gap_width").fill("200")
     me.page.keyboard.press("Enter")
@@ -321,6 +400,13 @@ def test_a_trial_is_played_and_a_search_is_taken(chromium: Any, address: str) ->
     me.at("sweep").click()
     me.until("swept", "the curve goes there")
     keep(me, "swept")
+    # What was found was of this study: it goes with it.
+    me.file("open", "own.toml")
+    me.until("name", "own.toml")
+    assert not me.at("curve").is_visible()
+    me.page.get_by_role("tab", name="improve").click()
+    assert not me.at("take").is_visible()
+    assert me.told("optimum") == ""
     me.well()
 
 
@@ -410,6 +496,9 @@ def test_a_foreign_page_is_refused(address: str) -> None:
     assert status("/", Origin=f"http://{host}") == 200
     assert status("/", Origin="http://evil.example") == 403
     assert status("/", Origin="null") == 403
+    assert status("/", Origin="http://[") == 403
+    assert status("/", **{"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "no-cors"}) == 403
+    assert status("/", **{"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate"}) == 200
     assert status("/", Host="evil.example") == 403
     assert status("/", Host="evil.example:" + host.split(":")[1]) == 403
     assert status(socket_path, **upgrade, Origin=f"http://{host}") == 101

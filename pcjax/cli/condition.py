@@ -6,7 +6,7 @@ import argparse
 import re
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import MISSING, replace
+from dataclasses import MISSING
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,6 @@ from pcjax.model.bodies.base import BODIES
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.base import DRIVES
 from pcjax.model.presets import HANDS
-from pcjax.quality.task import Task
 from pcjax.study.read import read_study
 from pcjax.study.spec import Study
 from pcjax.units import UNITS
@@ -186,27 +185,3 @@ def usual_parameters(study: Study) -> tuple[str, str]:
     if limbs > 2:
         return "fingertip_angle", "fingertip_length"
     return "joint_angle_1", "joint_angle_2" if limbs == 2 else "link_length_1"
-
-
-def task_of(study: Study) -> Task:
-    """What the study's hand has to be good at.
-
-    Raises:
-        ValueError: EoEn alone, which the best hand would be none at all for.
-    """
-    if study.directions == ("eoen",):
-        raise ValueError("the score or DoEs can be looked at, EoEn alone makes no better hand")
-    first, *others = (
-        Task(
-            one.body,
-            one.drive,
-            study.directions,
-            study.max_steps,
-            one.law,
-            one.run.start_spread,
-            study.units,
-        )
-        for one in study.objective_studies()
-    )
-    objective = study.objective
-    return replace(first, also=tuple(others), weights=objective.weights, worst=objective.worst)

@@ -16,7 +16,6 @@ from pcjax.cli.condition import (
     add_condition,
     condition,
     parameter_flag,
-    task_of,
     usual_parameters,
 )
 from pcjax.cli.parts import (
@@ -40,6 +39,7 @@ from pcjax.results.schema import length_unit_of, place_of
 from pcjax.results.tables import estimate_text, in_columns, wrapped
 from pcjax.study.evaluate import as_attribute
 from pcjax.study.spec import Objective, Study
+from pcjax.study.task import task_of
 from pcjax.study.vary import full_name, names, unit_of
 from pcjax.units import with_unit
 

@@ -15,7 +15,6 @@ from pcjax.cli.condition import (
     condition,
     limit_flag,
     parameter_flag,
-    task_of,
     usual_parameters,
 )
 from pcjax.cli.parser import Terminated
@@ -48,6 +47,7 @@ from pcjax.results.estimates import as_plain
 from pcjax.results.saving import save_text
 from pcjax.results.tables import estimate_text, interval_text, wrapped
 from pcjax.study.spec import Objective, Study
+from pcjax.study.task import task_of
 from pcjax.study.vary import full_name
 from pcjax.units import in_brackets
 

@@ -24,11 +24,12 @@ def _run(arguments: argparse.Namespace) -> None:
     from pcjax.view.web.serve import check_web, serve
 
     check_web()
-    study = condition(arguments)
+    study, folder = condition(arguments), Path.cwd()
+    given = (arguments.study or folder).resolve()
     serve(
         study,
-        name=str(arguments.study or ""),
-        folder=Path.cwd(),
+        name=str(given.relative_to(folder)) if given.parent.is_relative_to(folder) else "",
+        folder=folder,
         port=arguments.port,
         browser=not arguments.no_browser,
     )

@@ -7,11 +7,12 @@ from asyncio import to_thread
 import numpy as np
 from nicegui import events, ui
 
+from pcjax.results.schema import NAMES
 from pcjax.study.evaluate import Experiment
+from pcjax.study.spec import Study
 from pcjax.view.shapes import COLOURS
 from pcjax.view.web.dials import dials_of, turned
-from pcjax.view.web.improve import band_series
-from pcjax.view.web.numbers import axes
+from pcjax.view.web.numbers import axes, band_series
 from pcjax.view.web.studio import Studio
 
 _TRIALS = 400
@@ -27,6 +28,9 @@ class Along:
     def __init__(self, studio: Studio):
         self.studio = studio
         self._turn = 0
+        self._of: Study | None = None
+        self._swept: tuple[str, list[float]] = "", []
+        """What the curve is along, and at which values."""
         with ui.element("div").classes("line many"):
             self._which = ui.select([], label="along").props("dense").classes("grow")
             self._which.props["data-testid"] = "along"
@@ -42,7 +46,20 @@ class Along:
         self._chart.set_visibility(False)
         self._which.on_value_change(self._ask)
         self._renew()
-        studio.on_opened.append(self._renew)
+        studio.on_dials.append(self._renew)
+        studio.on_opened.append(self._clear)
+        studio.on_design.append(lambda moving: self._age())
+
+    def _clear(self) -> None:
+        """The curve was of another study."""
+        self._turn += 1
+        self._told.set_text("")
+        self._chart.set_visibility(False)
+
+    def _age(self) -> None:
+        """Says of a curve that it is of another design."""
+        if self._of is not self.studio.desk.study:
+            self._chart.classes(add="stale")
 
     def _renew(self) -> None:
         desk = self.studio.desk
@@ -71,6 +88,8 @@ class Along:
             self.studio.refused(f"{label}: it has to go from a lower number to a higher one")
             return
         study, series = self.studio.desk.study, self._chart.options["series"]
+        self._of, self._swept = study, (label, [])
+        self._chart.classes(remove="stale")
         for one in series:
             one["data"] = []
         self._chart.options["xAxis"]["name"] = self._which.options[label]  # pyright: ignore
@@ -79,19 +98,22 @@ class Along:
         for value in np.linspace(low, high, _USUAL):
             try:
                 experiment = Experiment(turned(study, label, float(f"{value:.6g}")))
+                found = await to_thread(experiment.go_on, _TRIALS)
             except ValueError:
                 missing += 1
                 continue
-            found = await to_thread(experiment.go_on, _TRIALS)
             if mine != self._turn or self.studio.closed:
                 return
             main = found.main
             x = float(f"{value:.6g}")
+            self._swept[1].append(x)
             # An undefined score is a gap in the curve.
             for one, y in zip(series, (main.value, main.low, main.high - main.low), strict=True):
                 one["data"].append([x, None if np.isnan(y) else round(y, 4)])
             self._chart.options["yAxis"]["name"] = (
-                "score" if len(found.directions) == 2 else "DoEs [steps of 0.001 s]"
+                "score"
+                if len(found.directions) == 2
+                else f"{NAMES[found.directions[0]]} [steps of 0.001 s]"
             )
             self._chart.update()
             self._told.set_text(f"{len(series[0]['data'])} points")
@@ -102,7 +124,8 @@ class Along:
         )
 
     def _click(self, event: events.EChartPointClickEventArguments) -> None:
-        x = self._chart.options["series"][0]["data"][event.data_index][0]
-        why = self.studio.turn(str(self._which.value), x)
-        if why:
-            self.studio.refused(why)
+        label, values = self._swept
+        if event.data_index < len(values):
+            why = self.studio.turn(label, values[event.data_index])
+            if why:
+                self.studio.refused(why)

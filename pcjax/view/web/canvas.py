@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,7 +30,7 @@ const at = (e) => {
 
 _DOWN = f"""(e) => {{
   {_PLACE}
-  const name = e.target.dataset.testid;
+  const name = e.target.dataset.handle;
   if (!name || e.button > 0) return;
   e.preventDefault();
   e.target.focus();
@@ -42,13 +44,16 @@ _MOVE = f"""(e) => {{
 }}"""
 
 _KEY = """(e) => {
-  const name = e.target.dataset.testid;
+  const name = e.target.dataset.handle;
   if (!name || !e.key.startsWith('Arrow')) return;
   e.preventDefault();
   emit(name, e.key.slice(5).toLowerCase(), e.shiftKey);
 }"""
 
 _DEGREE = np.pi / 180
+
+_IN_A_ROW = 1.0
+"""Seconds between keys that are one change."""
 
 _WAYS = {"does": "escape from inside", "eoen": "enter from outside"}
 
@@ -66,6 +71,10 @@ class Canvas:
         self.frame = frame_of(studio.desk.study.hand, both=True)
         self._before: Study | None = None
         self._held = ""
+        self._off = np.zeros(2)
+        """From the pointer to what it holds, when it was taken."""
+        self._moved = False
+        self._last_key = ("", 0.0)
         self._handles: dict[str, ui.element] = {}
         self._parts: dict[tuple[str, str], ui.html] = {}
         self._plates: dict[str, ui.element] = {}
@@ -106,7 +115,7 @@ class Canvas:
             svg.on("pointerup", self._up, js_handler=_MOVE)
             svg.on("pointercancel", self._up, js_handler=_MOVE)
             # A finger on a joint drags it, and elsewhere it scrolls the page.
-            svg.on("touchstart", js_handler="(e) => e.target.dataset.testid && e.preventDefault()")
+            svg.on("touchstart", js_handler="(e) => e.target.dataset.handle && e.preventDefault()")
             svg.on("keydown", self._key, js_handler=_KEY)
 
     def _handle(self, name: str, words: str) -> ui.element:
@@ -114,9 +123,11 @@ class Canvas:
         handle.props.update(
             {
                 "data-testid": name,
+                "data-handle": name,
                 "tabindex": "0",
                 "role": "slider",
                 "aria-label": words,
+                "aria-valuenow": "0",
             }
         )
         return handle
@@ -127,6 +138,9 @@ class Canvas:
         """Everything as it is now; the part of the plane that is seen stays while one drags."""
         desk = self.studio.desk
         study, problem = desk.study, self.studio.problem
+        if not moving and not problem and ("eoen" in study.directions) != ("eoen" in self._plates):
+            self._build()  # which draws, too
+            return
         if not moving:
             self.frame = frame_of(study.hand, both="eoen" in self._plates)
         scenarios = {} if problem else study.scenarios()
@@ -179,77 +193,89 @@ class Canvas:
         if part.content != svg:
             part.set_content(svg)
 
+    @staticmethod
+    def _places(study: Study) -> dict[str, np.ndarray]:
+        """Where everything is that can be dragged; the object at its rightmost reach."""
+        joints = np.concatenate(joints_of(study.hand))
+        places = dict(zip(_names_of(study.hand), joints, strict=True))
+        places["object"] = _first_place(study) + np.array([float(study.body.radius), 0.0])
+        return places
+
     def _place_handles(self, study: Study) -> None:
-        places = dict(
-            zip(_names_of(study.hand), np.concatenate(joints_of(study.hand)), strict=True)
-        )
-        places["object"] = self._grip(study)
+        places = self._places(study)
         for name, handle in self._handles.items():
             x, y = places[name]
             new = {
                 "cx": f"{x:.6g}",
                 "cy": f"{-y:.6g}",
+                "aria-valuetext": f"{x:.4g}, {y:.4g}",
                 "r": f"{(0.017 if name == 'object' else 0.024) * self.frame.size:.5g}",
             }
             if any(handle.props.get(k) != v for k, v in new.items()):
                 handle.props.update(new)
 
-    @staticmethod
-    def _grip(study: Study) -> np.ndarray:
-        """Where one takes the object to make it larger: its rightmost reach at the start."""
-        return _first_place(study) + np.array([float(study.body.radius), 0.0])
-
     # ------------------------------------------------------------------ dragging
 
     def _down(self, event: events.GenericEventArguments) -> None:
-        self._held, self._before = str(event.args[0]), self.studio.desk.study
+        name, x, y = event.args
+        self._held, self._before = str(name), self.studio.desk.study
+        self._off = self._places(self._before)[self._held] - np.array([x, y])
+        self._moved, self.studio.held = False, True
 
     def _move(self, event: events.GenericEventArguments) -> None:
         if self._held:
+            self._moved = True
             self._pull(*map(float, event.args), moving=True)
 
     def _up(self, event: events.GenericEventArguments) -> None:
-        if self._held:
+        self.studio.held = False
+        if self._held and self._moved:
             self._pull(*map(float, event.args), moving=False)
         self._held, self._before = "", None
 
     def _pull(self, x: float, y: float, *, moving: bool) -> None:
-        studio, study = self.studio, self.studio.desk.study
-        assert self._before is not None
+        studio, before = self.studio, self._before
+        assert before is not None
+        x, y = np.array([x, y]) + self._off
         if self._held == "object":
-            start = _first_place(self._before)
+            start = _first_place(before)
             reach = float(np.hypot(x - start[0], y - start[1]))
-            factor = max(reach / float(self._before.body.radius), 0.05)
-            body = self._before.body.scaled(float(f"{factor:.3g}"))
-            studio.resize(body, before=self._before, moving=moving)
-            return
-        finger, joint = _joint_of(study.hand, self._held)
-        # From where it was when it was taken: rounding would add up.
-        hand = pulled(self._before.hand, finger, joint, x, y, mirrored=studio.desk.mirrored)
-        studio.bend(hand, before=self._before, moving=moving)
+            factor = max(reach / float(before.body.radius), 0.05)
+            new = replace(before, body=before.body.scaled(float(f"{factor:.3g}")))
+        else:
+            # From where it was when it was taken: rounding would add up.
+            finger, joint = _joint_of(before.hand, self._held)
+            mirrored = studio.desk.mirrored
+            hand = pulled(before.hand, finger, joint, float(x), float(y), mirrored=mirrored)
+            new = replace(before, hand=hand)
+        studio.take(new, before=before, moving=moving)
 
     def _key(self, event: events.GenericEventArguments) -> None:
         """Left and right turn a limb, up and down make it longer and shorter."""
         name, key, shift = event.args
-        studio, study = self.studio, self.studio.desk.study
-        many = 5 if shift else 1
-        if name == "object":
-            factor = 1 + 0.02 * many * (1 if key in ("up", "right") else -1)
-            studio.resize(study.body.scaled(factor))
-            return
+        study, many = self.studio.desk.study, 5 if shift else 1
+        longer = many * {"up": 1, "down": -1}.get(key, 0)
+        turned = many * {"left": 1, "right": -1}.get(key, 0)
         hand = study.hand
-        finger, joint = _joint_of(hand, name)
-        step = 0.01 * many * float(hand.palm_length) * {"up": 1, "down": -1}.get(key, 0)
-        if joint == 0:
-            side = (-1.0, 1.0)[finger]
-            x = side * 0.5 * (float(hand.palm_length) + step)
-            studio.bend(pulled(hand, finger, 0, x, 0.0, mirrored=True))
-            return
-        turn = _DEGREE * many * {"left": 1, "right": -1}.get(key, 0)
-        length = max(float(hand.lengths[finger][joint - 1]) + step, 1e-3 * float(hand.palm_length))
-        angle = float(hand.angles[finger][joint - 1]) + turn
-        mirrored = studio.desk.mirrored
-        studio.bend(limb_set(hand, finger, joint - 1, angle, length, mirrored=mirrored))
+        if name == "object":
+            new = replace(study, body=study.body.scaled(1 + 0.02 * longer)) if longer else study
+        else:
+            finger, joint = _joint_of(hand, name)
+            palm = float(hand.palm_length)
+            if joint == 0:
+                hand = replace(hand, palm_length=palm * (1 + 0.01 * longer)) if longer else hand
+            else:
+                length = float(hand.lengths[finger][joint - 1]) + 0.01 * longer * palm
+                angle = float(hand.angles[finger][joint - 1]) + _DEGREE * turned
+                mirrored = self.studio.desk.mirrored
+                length = max(length, 1e-3 * palm)
+                hand = limb_set(hand, finger, joint - 1, angle, length, mirrored=mirrored)
+            new = replace(study, hand=hand)
+        # Keys in a row are one change.
+        last, when = self._last_key
+        now = time.monotonic()
+        self._last_key = name, now
+        self.studio.take(new, further=last == name and now - when < _IN_A_ROW)
 
 
 def start_of(scenario: Scenario) -> np.ndarray:
@@ -282,7 +308,12 @@ def _joint_of(hand: HandDesign, name: str) -> tuple[int, int]:
 def _handles_of(study: Study) -> list[tuple[str, str]]:
     """Names of what can be dragged, and what screen readers say of it."""
     words: dict[str, Any] = {
-        name: f"{name.replace('-', ' ')}: left and right turn its limb, up and down lengthen it"
+        name: f"{name.replace('-', ' ')}: "
+        + (
+            "up and down lengthen the palm"
+            if name.endswith("-1") and name.startswith("joint")
+            else "left and right turn its limb, up and down lengthen it"
+        )
         for name in _names_of(study.hand)
     }
     return [("object", "object: up and down change its size"), *words.items()]

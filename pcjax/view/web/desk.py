@@ -59,12 +59,18 @@ class Desk:
         own: dict[str, Any] = {k: list(v) if isinstance(v, list) else v for k, v in kept.items()}
         return cls(**own)
 
-    def change(self, study: Study, before: Study | None = None) -> None:
-        """Takes a new design; `before` is what undo goes back to, unless given the present one."""
+    def change(self, study: Study, before: Study | None = None, *, further: bool = False) -> None:
+        """Takes a new design.
+
+        Arguments:
+            study: it.
+            before: what undo goes back to; unless given the present design.
+            further: whether it goes on with the last change, so that both are undone at once.
+        """
         before = self.study if before is None else before
         self.study = study
         if study is not before:
-            self.done = [*self.done, before][-_KEPT:]
+            self.done = self.done if further and self.done else [*self.done, before][-_KEPT:]
             self.undone = []
 
     def undo(self) -> None:
@@ -111,9 +117,14 @@ def doubt_of(study: Study, clearance: float, limits: Sequence[str] = ()) -> str:
         clearance: the least that the gap has to be wider than the object, in palm lengths.
         limits: linear ones as text.
     """
-    values = [float(one.read(study.hand)) for one in parameters_of(study.hand)]
+    # Of both fingers, where they differ in what the limit has of both.
+    each = [one.read_each(study.hand) for one in parameters_of(study.hand)]
     for limit in limits_of(study.hand, limits):
-        if limit.coefficients @ values > limit.most + 1e-9 * abs(limit.most):
+        used = sum(
+            max(float(c) * float(value) for value in values)
+            for c, values in zip(limit.coefficients, each, strict=True)
+        )
+        if used > limit.most + 1e-9 * abs(limit.most):
             return f"it breaks the limit {limit.text}"
     gap, width = float(study.hand.gap()), float(study.body.width)
     least = width + clearance * float(study.hand.palm_length)

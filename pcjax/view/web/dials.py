@@ -24,11 +24,17 @@ GROUPS = {
 }
 """Tables of a study file, as the page calls them."""
 
+_FIELDS = {"contact": "law"}
+"""What a study calls a table, where that is something else."""
+
 _WIDE = 2.5
 """A range without a bound of its own ends at so many times its value."""
 
 _SHORTEST = 0.01
 """Limb that a drag leaves, in palm lengths."""
+
+_REPEATED = 60
+"""Times that a gap is set again at most, each of which takes it nearer."""
 
 _LONGEST = 1.5
 """Range of a limb's length, in palm lengths."""
@@ -134,14 +140,25 @@ def _of_hand(study: Study, *, mirrored: bool) -> Iterator[Dial]:
 def _of_component(label: str, table: str, what: Quantity, value: float, units: str) -> Dial:
     size = abs(value) if value else 1.0
     size = 1.0 if math.isnan(size) else size
-    low = what.low if math.isfinite(what.low) else -_WIDE * size
-    high = what.high if math.isfinite(what.high) and what.high < 1e3 * size else _WIDE * size
+    least, most = (-180.0, 180.0) if what.unit == "angle" else (-_WIDE * size, _WIDE * size)
+    low = what.low if math.isfinite(what.low) else least
+    high = what.high if math.isfinite(what.high) and what.high < 1e3 * size else most
     unit = what.unit_in(units)
     unit = {"degree": "deg", "1": "", length_in_words("model"): ""}.get(unit, unit)
     step = 1.0 if what.kind is int else _nice((high - low) / 500)
     low = low + step if what.above else low
     words = label.removesuffix("_deg").replace("_", " ")
-    return Dial(label, words, table, low, high, step, value, unit)
+    return Dial(
+        label,
+        words,
+        table,
+        low,
+        high,
+        step,
+        value,
+        unit,
+        optional=bool(what.word) or what.default is None,
+    )
 
 
 def _nice(step: float) -> float:
@@ -150,13 +167,36 @@ def _nice(step: float) -> float:
     return next(k * power for k in (5, 2, 1) if k * power <= step * (1 + 1e-9))
 
 
-def turned(study: Study, label: str, value: float) -> Study:
+def turned(study: Study, label: str, value: float | None) -> Study:
     """The study with another number; everything else of it stays, what is swept as well.
 
+    Arguments:
+        study, label: of what, and which.
+        value: the number; None for none.
+
     Raises:
-        ValueError: the value is out of range.
+        ValueError: the value is out of range, or there has to be one.
     """
-    return replace(study.having({label: value}), sweep=study.sweep)
+    if value is None:
+        return _without(study, label)
+    new = study.having({label: value})
+    if label == "gap_width":
+        # Where the limbs that give way are not parallel to the palm, once is not enough.
+        for _ in range(_REPEATED):
+            there = float(parameter(label, new.hand).read(new.hand))
+            if abs(there - value) < 1e-9 * float(new.hand.palm_length):
+                break
+            new = new.having({label: value})
+    return replace(new, sweep=study.sweep)
+
+
+def _without(study: Study, label: str) -> Study:
+    known = names(study.components)
+    if label not in known or not (known[label][1].word or known[label][1].default is None):
+        raise ValueError("it has to be a number")
+    table, what = known[label]
+    part = study.components[table].having(**{what.name: None})
+    return replace(study, **{_FIELDS.get(table, table): part})
 
 
 def joints_of(hand: HandDesign) -> list[Float[np.ndarray, "points 2"]]:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 
 from pcjax.results.evaluation import Evaluation
@@ -17,7 +20,10 @@ from pcjax.view.export import export_hand
 _MOST = 200
 """Files that are listed."""
 
-_DEEP = 4
+_VISITED = 1000
+"""Entries of a folder, and folders of a level, that are looked at."""
+
+_DEEP = 3
 """Folders that are gone into below one another."""
 
 
@@ -45,20 +51,18 @@ def listed(folder: Path, endings: tuple[str, ...]) -> list[str]:
     for _ in range(_DEEP):
         deeper: list[Path] = []
         for one in level:
-            try:
-                entries = sorted(one.iterdir())
-            except OSError:
-                continue
-            for entry in entries:
-                if entry.name.startswith("."):
-                    continue
-                if entry.is_dir() and not entry.is_symlink():
-                    deeper.append(entry)
-                elif entry.suffix.lower() in endings:
-                    found.append(str(entry.relative_to(folder)))
+            with suppress(OSError), os.scandir(one) as entries:
+                for entry in sorted(islice(entries, _VISITED), key=lambda each: each.name):
+                    path = Path(entry.path)
+                    if entry.name.startswith("."):
+                        continue
+                    if entry.is_dir(follow_symlinks=False):
+                        deeper.append(path)
+                    elif path.suffix.lower() in endings:
+                        found.append(str(path.relative_to(folder)))
             if len(found) >= _MOST:
                 return found[:_MOST]
-        level = deeper
+        level = deeper[:_VISITED]
     return found
 
 
@@ -87,14 +91,21 @@ def open_study(folder: Path, name: str) -> tuple[Study, list[str]]:
         raise ValueError(f"{name} cannot be read: {error.strerror}") from None
 
 
-def save_study(folder: Path, name: str, study: Study) -> str:
+def save_study(folder: Path, name: str, study: Study, own: str = "") -> str:
     """Writes a study file; its name, with the ending .toml.
 
+    Arguments:
+        folder, name: see `inside`.
+        study: what is kept.
+        own: the file that the study came from, which is written over.
+
     Raises:
-        ValueError: it would be elsewhere, or cannot be written.
+        ValueError: it would be elsewhere, another file is there, or it cannot be written.
     """
     name = name.strip() if name.strip().lower().endswith(".toml") else f"{name.strip()}.toml"
     path = inside(folder, name)
+    if path.exists() and name != own:
+        raise ValueError(f"{name} is there already: take another name, or open it first")
     try:
         save_text(study.to_toml(), path)
     except OSError as error:

@@ -4,28 +4,29 @@ from __future__ import annotations
 
 import math
 from asyncio import to_thread
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from nicegui import ui
 
 from pcjax.design.checkpoint import Progress
 from pcjax.design.optimize import optimize
 from pcjax.design.outcome import Optimum, Settings
-from pcjax.design.parameters import parameter
+from pcjax.design.parameters import Limit, parameter
 from pcjax.design.space import DesignSpace, design_space
 from pcjax.quality.surrogate import Surrogate
-from pcjax.quality.task import Task
 from pcjax.study.spec import Study
+from pcjax.study.task import task_of
 from pcjax.view.shapes import COLOURS
 from pcjax.view.web.canvas import Canvas
-from pcjax.view.web.dials import dials_of
-from pcjax.view.web.numbers import axes, with_interval
+from pcjax.view.web.desk import limits_of
+from pcjax.view.web.dials import dials_of, parameters_of
+from pcjax.view.web.numbers import Z95, axes, band_series, with_interval
 from pcjax.view.web.studio import Studio
 
 _ACCEPTED_ON = 5000
 """Unseen trials on which the result is compared with the start."""
-
-_Z95 = 1.96
 
 
 class Improve:
@@ -36,7 +37,8 @@ class Improve:
         self._steps: list[Progress] = []
         self._stopped = False
         self._space: DesignSpace | None = None
-        self._result: tuple[Study, Optimum, DesignSpace] | None = None
+        self._of = studio.desk.opened
+        self._result: tuple[Optimum, DesignSpace] | None = None
         self._bounds: dict[str, tuple[ui.number, ui.number]] = {}
         self._free = ui.select([], multiple=True, label="free parameters").props("dense use-chips")
         self._free.props["data-testid"] = "free"
@@ -55,7 +57,16 @@ class Improve:
         for part in (self._stop, self._take, self._chart):
             part.set_visibility(False)
         self._renew()
-        studio.on_opened.append(self._renew)
+        studio.on_dials.append(self._renew)
+        studio.on_opened.append(self._clear)
+
+    def _clear(self) -> None:
+        """What was found was of another study."""
+        self._steps, self._result = [], None
+        self._told.set_text("")
+        for part in (self._take, self._chart):
+            part.set_visibility(False)
+        self.canvas.show_ghost(None)
 
     def _renew(self) -> None:
         """What may be free now; at first what makes the fingertips, or the last two angles."""
@@ -64,11 +75,13 @@ class Improve:
         names = {dial.label: dial.words for dial in dials}
         tips = [n for n in names if n.startswith(("fingertip_angle", "fingertip_length"))]
         usual = tips or [n for n in names if n.startswith("joint_angle")][:4]
+        self._bounds = {}
         self._free.set_options(names, value=usual[:6])
         self._ask_bounds()
 
     def _ask_bounds(self) -> None:
         hand = self.studio.desk.study.hand
+        typed = {label: (low.value, high.value) for label, (low, high) in self._bounds.items()}
         self._bounds = {}
         self._ranges.clear()
         with self._ranges:
@@ -76,8 +89,10 @@ class Improve:
                 one = parameter(label, hand)
                 with ui.element("div").classes("line"):
                     ui.label(self._free.options[label])  # pyright: ignore
-                    low = ui.number(value=float(f"{one.low:.4g}")).props("dense")
-                    high = ui.number(value=float(f"{one.high:.4g}")).props("dense")
+                    usual = float(f"{one.low:.4g}"), float(f"{one.high:.4g}")
+                    low, high = (
+                        ui.number(value=value).props("dense") for value in typed.get(label, usual)
+                    )
                     low.props["aria-label"] = f"{label} from"
                     high.props["aria-label"] = f"{label} to"
                 self._bounds[label] = low, high
@@ -97,6 +112,7 @@ class Improve:
             studio.refused(str(error))
             return
         self._steps, self._stopped, self._result, self._space = [], False, None, space
+        self._of = studio.desk.opened
         self._working(True)
         settings = Settings(accept_trials=_ACCEPTED_ON, seed=study.run.seed % 2**28)
         try:
@@ -105,9 +121,12 @@ class Improve:
             studio.refused(str(error))
             return
         finally:
-            self._working(False)
-            self._show()
-        self._result = study, found, space
+            if not studio.closed:
+                self._working(False)
+        if self._over:
+            return
+        self._show()
+        self._result = found, space
         gain = found.improvement
         verdict = "better" if found.better else "worse" if gain.high < 0 else "not certain"
         self._told.set_text(
@@ -122,26 +141,21 @@ class Improve:
             if low.value is None or high.value is None:
                 raise ValueError(f"{label} needs a bound on either side")
             bounds[label] = low.value, high.value
-        if study.directions == ("eoen",):
-            raise ValueError("EoEn alone makes no better hand: take DoEs or both")
-        task = Task(
-            study.body,
-            study.drive,
-            study.directions,
-            study.max_steps,
-            study.law,
-            study.run.start_spread,
-            study.units,
-        )
-        least = self.studio.desk.clearance * float(study.hand.palm_length)
-        width = float(study.body.width)
-        limits = self.studio.desk.limits
-        space = design_space(study.hand, bounds, width, least, limits, study.directions)
-        return Surrogate(task), space
+        task, desk = task_of(study), self.studio.desk
+        least = desk.clearance * float(study.hand.palm_length)
+        width = max(float(one.body.width) for one in task.each)
+        space = design_space(study.hand, bounds, width, least, (), study.directions)
+        limits = tuple(_on_free(one, space) for one in limits_of(study.hand, desk.limits))
+        return Surrogate(task), replace(space, limits=limits)
 
     def _watch(self, state: Progress) -> bool:
         self._steps.append(state)
-        return self._stopped or self.studio.closed
+        return self._stopped or self._over
+
+    @property
+    def _over(self) -> bool:
+        """Whether nobody waits for the search any more."""
+        return self.studio.closed or self.studio.desk.opened is not self._of
 
     def stop(self) -> None:
         """Ends the search after its round; the best so far is compared with the start."""
@@ -150,11 +164,14 @@ class Improve:
     def take(self) -> None:
         """The result as the design."""
         if self._result is not None:
-            _, found, space = self._result
-            self.studio.bend(space.hand(found.best))
+            found, space = self._result
+            self.studio.take(replace(self.studio.desk.study, hand=space.hand(found.best)))
 
     def _working(self, working: bool) -> None:
         self._timer.active = working
+        directions = self.studio.desk.study.directions
+        what = "score" if len(directions) == 2 else "DoEs [steps of 0.001 s]"
+        self._chart.options["yAxis"]["name"] = f"{what} of the best so far"
         if not working:
             self.canvas.show_ghost(None)
         self._start.set_enabled(not working)
@@ -168,7 +185,7 @@ class Improve:
         if not self._steps:
             return
         way = self._steps[-1].history[0]
-        logs = [(step.value, _Z95 * step.value_se) for step in way]
+        logs = [(step.value, Z95 * step.value_se) for step in way]
         low = [math.exp(value - reach) for value, reach in logs]
         high = [math.exp(value + reach) for value, reach in logs]
         series = self._chart.options["series"]
@@ -179,7 +196,7 @@ class Improve:
         ]
         self._chart.set_visibility(True)
         self._chart.update()
-        if self._timer.active and self._space is not None:
+        if self._timer.active and self._space is not None and not self._over:
             self.canvas.show_ghost(self._space.hand(way[-1].design))
             state = self._steps[-1]
             self._told.set_text(
@@ -192,18 +209,13 @@ def _way() -> dict[str, Any]:
     return axes("round", "score of the best so far", band_series(COLOURS[0], "best so far"), [])
 
 
-def band_series(colour: str, name: str) -> list[dict[str, Any]]:
-    """A line with a band: its values, its lower edge, and how wide the band is."""
-    base: dict[str, Any] = {"type": "line", "animation": False, "data": [], "symbolSize": 7}
-    hidden = {
-        "lineStyle": {"opacity": 0},
-        "symbol": "none",
-        "silent": True,
-        "tooltip": {"show": False},
-        "stack": "band",
-    }
-    return [
-        base | {"name": name, "color": colour},
-        base | hidden,
-        base | hidden | {"areaStyle": {"color": colour, "opacity": 0.2}},
-    ]
+def _on_free(limit: Limit, space: DesignSpace) -> Limit:
+    """A limit on a hand's parameters as one on the free ones; the others stay as they are."""
+    coefficients, most = np.zeros(len(space.free)), limit.most
+    labels = [one.label for one in space.free]
+    for one, c in zip(parameters_of(space.base), limit.coefficients, strict=True):
+        if one.label in labels:
+            coefficients[labels.index(one.label)] = c
+        elif c:
+            most -= max(float(c) * float(value) for value in one.read_each(space.base))
+    return Limit(limit.text, coefficients, most)

@@ -13,9 +13,9 @@ from pcjax.quality.indices import Estimate
 from pcjax.results.evaluation import Evaluation
 from pcjax.results.schema import NAMES
 from pcjax.view.shapes import COLOURS
-from pcjax.view.web.studio import Look, Studio
+from pcjax.view.web.studio import Against, Look, Studio
 
-_Z95 = 1.96
+Z95 = 1.96
 
 _POINTS = 120
 """Of a survival curve."""
@@ -32,10 +32,10 @@ class Numbers:
                 self._about = _told("about", "quiet")
             self._cells: dict[tuple[str, str], ui.label] = {}
             with ui.element("div").classes("figures"):
-                for head in ("", "index 1 [steps of 0.001 s]", "index 2"):
+                for head in ("", "index 1", "index 2"):
                     ui.label(head).classes("quiet")
                 for direction, name in NAMES.items():
-                    ui.label(name)
+                    ui.label(f"{name} [steps]").tooltip("index 1 in the paper's steps of 0.001 s")
                     for index in ("index1", "index2"):
                         self._cells[direction, index] = _told(f"{index}-{direction}", "")
                 ui.label("score")
@@ -43,6 +43,7 @@ class Numbers:
                     self._cells["score", index] = _told(f"score-{index}", "")
             self._problem = _told("problem", "problem")
             self._against = _told("against", "against")
+            self._notes = _told("notes", "quiet")
         studio.on_opened.append(self._clear)
         studio.on_design.append(self._on_design)
         studio.on_look.append(self._on_look)
@@ -64,6 +65,7 @@ class Numbers:
         self._big.set_text(score)
         self._about.set_text(about)
         self._against.set_text("")
+        self._notes.set_text("")
         for cell in self._cells.values():
             cell.set_text("—")
 
@@ -81,45 +83,55 @@ class Numbers:
             form = ",.0f" if index == "index1" and direction != "score" else ".3f"
             cell.set_text("—" if one is None else with_interval(one, form))
         main = found.main
-        what = "score" if both else "DoEs"
+        what = "score" if both else NAMES[found.directions[0]]
         self._big.set_text(f"{what} {with_interval(main, '.3f' if both else ',.0f')}")
         self._about.set_text(f"{found.trials:,} trials a direction, {1000 * look.seconds:.0f} ms")
         invalid = sum(found.status(d)["invalid"] for d in found.directions)
         if invalid:
             self._about.set_text(f"{self._about.text}; {invalid} went wrong")
-        self._tell_against(look, ".3f" if both else ",.0f")
+        self._tell_against(look.against)
+        self._notes.set_text("; ".join(found.notes()))
+        self._notes.set_visibility(bool(self._notes.text))
 
-    def _tell_against(self, look: Look, form: str) -> None:
+    def _tell_against(self, against: Against | None) -> None:
         if self.studio.desk.pinned is None:
             return
-        one = look.against
-        if one is None or math.isnan(one.value):
+        if against is None or math.isnan(against.gain.value):
             self._against.set_text("against the pinned design: not to be compared")
             return
-        verdict = "better" if one.low > 0 else "worse" if one.high < 0 else "not certain"
-        text = with_interval(one, f"+{form}")
-        self._against.set_text(f"against the pinned design {text}: {verdict}")
+        what, form = "", "+.3f"
+        if against.what != "score":
+            what, form = f"{NAMES[against.what]} ", "+,.0f"
+        text = with_interval(against.gain, form)
+        self._against.set_text(f"against the pinned design {what}{text}: {against.verdict}")
 
 
 class Curves:
     """The survival curves of both directions."""
 
     def __init__(self, studio: Studio):
-        with ui.element("section").classes("card survival"):
+        with ui.element("section").classes("card survival") as self._card:
             self._chart = ui.echart(_curves()).classes("curves")
             self._chart.props["data-testid"] = "survival"
         self._studio = studio
         studio.on_look.append(self._on_look)
         studio.on_design.append(self._on_design)
+        studio.on_opened.append(self._clear)
 
     def _on_design(self, moving: bool) -> None:
+        self._card.classes(add="stale")
         if self._studio.problem:
-            for one in self._chart.options["series"]:
-                one["data"] = []
-            self._chart.update()
+            self._clear()
+
+    def _clear(self) -> None:
+        for one in self._chart.options["series"]:
+            one["data"] = []
+        self._chart.update()
 
     def _on_look(self, look: Look) -> None:
         found, options = look.found, self._chart.options
+        if look.study is self._studio.desk.study:
+            self._card.classes(remove="stale")
         for k, direction in enumerate(NAMES):
             lines = _lines(found, direction) if direction in found.directions else [[], [], []]
             for j, line in enumerate(lines):
@@ -138,6 +150,8 @@ def with_interval(one: Estimate, form: str) -> str:
 def _told(name: str, classes: str) -> ui.label:
     label = ui.label("").classes(classes)
     label.props["data-testid"] = name
+    if name in ("score", "problem", "against"):
+        label.props["aria-live"] = "polite"
     return label
 
 
@@ -146,7 +160,7 @@ def _lines(found: Evaluation, direction: str) -> list[list[list[float]]]:
     steps, left = found.survival(direction)
     times = np.linspace(0.0, found.max_steps, _POINTS)
     share = left[np.searchsorted(steps, times, side="right") - 1]
-    reach = _Z95 * np.sqrt(share * (1 - share) / found.trials)
+    reach = Z95 * np.sqrt(share * (1 - share) / found.trials)
     low, high = np.maximum(share - reach, 0.0), np.minimum(share + reach, 1.0)
     seconds = times * PAPER_DT
     return [
@@ -158,20 +172,26 @@ def _lines(found: Evaluation, direction: str) -> list[list[list[float]]]:
 def _curves() -> dict[str, Any]:
     series: list[dict[str, Any]] = []
     for direction, colour in zip(NAMES, COLOURS, strict=False):
-        base: dict[str, Any] = {"type": "line", "symbol": "none", "animation": False, "data": []}
-        hidden = {"lineStyle": {"opacity": 0}, "silent": True, "tooltip": {"show": False}}
-        series += [
-            base | {"name": NAMES[direction], "color": colour, "lineStyle": {"width": 2}},
-            base | hidden | {"stack": direction},
-            base | hidden | {"stack": direction, "areaStyle": {"color": colour, "opacity": 0.2}},
-        ]
-    return axes(
-        "time [s]",
-        "share still held",
-        series,
-        [NAMES[d] for d in NAMES],
-        yAxis={"min": 0, "max": 1},
-    )
+        series += band_series(colour, NAMES[direction], symbol="none")
+    whole = {"min": 0, "max": 1}
+    return axes("time [s]", "share still held", series, list(NAMES.values()), yAxis=whole)
+
+
+def band_series(colour: str, name: str, symbol: str = "circle") -> list[dict[str, Any]]:
+    """A line with a band: its values, its lower edge, and how wide the band is."""
+    base: dict[str, Any] = {"type": "line", "animation": False, "data": [], "symbolSize": 7}
+    hidden = {
+        "lineStyle": {"opacity": 0},
+        "symbol": "none",
+        "silent": True,
+        "tooltip": {"show": False},
+        "stack": name,
+    }
+    return [
+        base | {"name": name, "color": colour, "symbol": symbol},
+        base | hidden,
+        base | hidden | {"areaStyle": {"color": colour, "opacity": 0.2}},
+    ]
 
 
 def axes(

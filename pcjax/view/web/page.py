@@ -42,8 +42,14 @@ async def page(study: Study, name: str, folder: Path) -> None:
         kept["desk"] = desk.kept()
 
     studio = Studio(desk, folder, keep)
-    studio.refused = partial(ui.notify, type="negative", multi_line=True)  # pyright: ignore
-    ui.context.client.on_delete(partial(_close, studio))
+    client = ui.context.client
+
+    def refused(why: str) -> None:
+        with client:  # it may be said by what goes on in the background
+            ui.notify(why, type="negative", multi_line=True)
+
+    studio.refused = refused
+    client.on_delete(partial(_close, studio))
     _bar(studio, dark)
     with ui.element("main").classes("columns"):
         with ui.element("div").classes("stack"):
@@ -110,7 +116,7 @@ def _bar(studio: Studio, dark: ui.dark_mode) -> None:
 
     called()
     studio.on_named.append(called)
-    ui.keyboard(on_key=partial(_key, studio))
+    ui.keyboard(on_key=partial(_key, studio), ignore=["input", "textarea"])
 
 
 def _shade(dark: ui.dark_mode) -> None:
@@ -142,7 +148,9 @@ async def _ask(title: str, what: str, names: list[str], usual: str) -> str | Non
             done.props["data-testid"] = "file-done"
             ui.button("cancel", on_click=lambda: dialog.submit(None)).props("no-caps flat")
         typed.on("keydown.enter", lambda: dialog.submit(typed.value))
-    return await dialog
+    name = await dialog
+    dialog.delete()
+    return name
 
 
 async def _open(studio: Studio) -> None:
@@ -167,7 +175,9 @@ async def _save(studio: Studio) -> None:
     if name is None:
         return
     try:
-        written = await to_thread(save_study, studio.folder, name, studio.desk.study)
+        written = await to_thread(
+            save_study, studio.folder, name, studio.desk.study, studio.desk.name
+        )
     except ValueError as error:
         studio.refused(str(error))
         return

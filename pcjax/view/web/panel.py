@@ -23,7 +23,7 @@ class Panel:
         self._before: Study | None = None
         self._all = ui.element("div").classes("dials")
         self._build()
-        studio.on_opened.append(self._build)
+        studio.on_dials.append(self._build)
         studio.on_design.append(self._update)
 
     def _build(self) -> None:
@@ -46,6 +46,7 @@ class Panel:
                 with ui.element("div").classes("line"):
                     ui.label("clearance [palm lengths]")
                     least = ui.number(value=desk.clearance, min=0.0, max=1.0, step=0.01)
+                    least.props["aria-label"] = "clearance in palm lengths"
                     least.on_value_change(self._clear)
                 words = (
                     "linear limits, a line each, such as fingertip_length + 0.5 gap_width <= 200"
@@ -65,7 +66,13 @@ class Panel:
             number.props["aria-label"] = dial.text
             number.props["data-testid"] = f"number-{dial.label}"
             number.props("dense")
-        slider.on("update:model-value", partial(self._slide, dial.label), throttle=0.04)
+        # What comes last comes with the drop.
+        slider.on(
+            "update:model-value",
+            partial(self._slide, dial.label),
+            throttle=0.04,
+            trailing_events=False,
+        )
         slider.on("change", partial(self._drop, dial.label))
         number.on("change", partial(self._type, dial.label))
         self._rows[dial.label] = slider, number
@@ -84,6 +91,8 @@ class Panel:
                 continue
             self._shown[dial.label] = dial.value
             slider, number = self._rows[dial.label]
+            if not slider.props["min"] <= _within(dial) <= slider.props["max"]:
+                slider.props.update({"min": dial.low, "max": dial.high, "step": dial.step})
             slider.value = _within(dial)
             number.value = _short(dial.value)
 
@@ -92,30 +101,33 @@ class Panel:
             return
         if self._before is None:
             self._before = self.studio.desk.study
+            self.studio.held = True
         self._shown[label] = math.nan  # what the slider shows is the browser's
-        self._say(label, self.studio.turn(label, float(event.args), moving=True))
+        self.studio.turn(label, float(event.args), moving=True)
 
     def _drop(self, label: str, event: events.GenericEventArguments) -> None:
-        before, self._before = self._before, None
-        why = self.studio.turn(label, float(event.args), before=before)
+        studio, before = self.studio, self._before
+        self._before, studio.held = None, False
+        why = studio.turn(label, float(event.args), before=before)
+        if why and before is not None:  # as far as it could be dragged
+            studio.take(studio.desk.study, before=before)
         self._say(label, why)
 
     def _type(self, label: str) -> None:
         value = self._rows[label][1].value
-        why = "it has to be a number"
-        if value is not None and math.isfinite(value):
-            self._shown[label] = math.nan
-            why = self.studio.turn(label, float(value))
-        self._say(label, why)
+        # An emptied field is none, where there may be none.
+        self._say(label, self.studio.turn(label, None if value is None else float(value)))
 
     def _say(self, label: str, why: str) -> None:
         if why:
             self.studio.refused(f"{label}: {why}")
+            self._shown[label] = math.inf  # whatever stands there now
             self._update(False)
 
     def _mirror(self, event: events.ValueChangeEventArguments) -> None:
         self.studio.desk.mirrored = bool(event.value)
-        self.studio.renew()
+        for told in self.studio.on_dials:
+            told()
 
     def _limit(self, text: str) -> None:
         studio = self.studio

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import errno
+import importlib.util
 import os
 import socket
 import sys
-import webbrowser
 from collections.abc import Awaitable, Callable, MutableMapping
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 
 from pcjax.study.evaluate import Experiment
 from pcjax.study.spec import Study
-from pcjax.view.web.studio import AT_REST
+from pcjax.view.web.looks import AT_REST
 
 HOST = "127.0.0.1"
 
@@ -25,6 +25,11 @@ _NAMES = ("127.0.0.1", "localhost")
 
 _NEXT = 20
 
+_UNFRAMED = [
+    (b"x-frame-options", b"DENY"),
+    (b"content-security-policy", b"frame-ancestors 'none'"),
+]
+
 Scope = MutableMapping[str, Any]
 App = Callable[
     [Scope, Callable[..., Awaitable[Any]], Callable[..., Awaitable[Any]]], Awaitable[Any]
@@ -32,37 +37,43 @@ App = Callable[
 
 
 class OwnPagesOnly:
-    """Refuses what other sites ask a browser to send here: a foreign Origin, or a name that leads
-    here without being this machine's (DNS rebinding)."""
+    """Refuses what other sites ask a browser to send here: a foreign Origin, a request from one of
+    their pages that is no link to follow, or a name that leads here without being this machine's
+    (DNS rebinding). No other page may have this one in a frame."""
 
     def __init__(self, app: App, port: int):
         self._app, self._hosts = app, {f"{name}:{port}" for name in _NAMES}
+        if port == 80:
+            self._hosts |= set(_NAMES)
 
     async def __call__(self, scope: Scope, receive: Any, send: Any) -> None:
+        async def unframed(message: Scope) -> None:
+            if message["type"] == "http.response.start":
+                message["headers"] = [*message.get("headers", []), *_UNFRAMED]
+            await send(message)
+
         if scope["type"] not in ("http", "websocket") or self._own(dict(scope["headers"])):
-            await self._app(scope, receive, send)
+            await self._app(scope, receive, unframed)
         elif scope["type"] == "websocket":
             await receive()
             await send({"type": "websocket.close", "code": 1008})
         else:
-            await send(
-                {
-                    "type": "http.response.start",
-                    "status": 403,
-                    "headers": [(b"content-type", b"text/plain")],
-                }
-            )
-            await send(
-                {"type": "http.response.body", "body": b"this page is for this machine alone\n"}
-            )
+            kind = [(b"content-type", b"text/plain")]
+            await send({"type": "http.response.start", "status": 403, "headers": kind})
+            await send({"type": "http.response.body", "body": b"for this machine alone\n"})
 
     def _own(self, headers: dict[bytes, bytes]) -> bool:
-        host = headers.get(b"host", b"").decode("latin-1")
-        origin = headers.get(b"origin")
-        foreign = (
-            origin is not None and urlsplit(origin.decode("latin-1")).netloc not in self._hosts
-        )
-        return host in self._hosts and not foreign
+        def told(name: bytes) -> str:
+            return headers.get(name, b"").decode("latin-1")
+
+        foreign = False
+        if b"origin" in headers:
+            try:
+                foreign = urlsplit(told(b"origin")).netloc not in self._hosts
+            except ValueError:
+                foreign = True
+        sent = told(b"sec-fetch-site") == "cross-site" and told(b"sec-fetch-mode") != "navigate"
+        return told(b"host") in self._hosts and not foreign and not sent
 
 
 def free_port(wanted: int | None) -> int:
@@ -91,10 +102,8 @@ def check_web() -> None:
     Raises:
         ValueError: there is no nicegui.
     """
-    try:
-        import nicegui  # noqa: F401
-    except ImportError:
-        raise ValueError("the page needs the package nicegui: pip install 'pcjax[view]'") from None
+    if importlib.util.find_spec("nicegui") is None:
+        raise ValueError("the page needs the package nicegui: pip install 'pcjax[view]'")
 
 
 def warm_up(study: Study) -> None:
@@ -123,23 +132,20 @@ def serve(
         ValueError: no nicegui, no such port, or a study that cannot be evaluated.
     """
     check_web()
-    port = free_port(port)
+    free_port(port)  # before the work
     warm_up(study)
+    port = free_port(port)
     # It keeps no file: what a page has to know again is in memory, by the browser's tab.
     os.environ.setdefault("NICEGUI_STORAGE_PATH", os.devnull)
     from nicegui import app, ui
 
     from pcjax.view.web.page import page
 
-    address = f"http://{HOST}:{port}/"
-
     async def root() -> None:
         await page(study, name, folder)
 
     def ready() -> None:
-        print(f"the page is at {address} (Ctrl-C ends it)", file=sys.stderr, flush=True)
-        if browser:
-            webbrowser.open(address)
+        print(f"the page is at http://{HOST}:{port}/ (Ctrl-C ends it)", file=sys.stderr, flush=True)
 
     app.add_middleware(OwnPagesOnly, port=port)
     app.on_startup(ready)
@@ -150,7 +156,7 @@ def serve(
         title="pcjax",
         favicon="🖐",
         reload=False,
-        show=False,
+        show=browser,
         show_welcome_message=False,
         dark=None,
     )

@@ -6,26 +6,39 @@ import asyncio
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from nicegui import background_tasks
 
-from pcjax.model.bodies.base import Body
-from pcjax.model.hand import HandDesign
 from pcjax.quality.indices import Estimate
 from pcjax.results.evaluation import Evaluation
 from pcjax.study.evaluate import Experiment
 from pcjax.study.spec import Study
 from pcjax.view.web.desk import Desk, doubt_of, problem_of
 from pcjax.view.web.dials import turned
+from pcjax.view.web.looks import AT_REST, MOVING
 
-MOVING = (200,)
-"""Trials while something is dragged."""
 
-AT_REST = (200, 1000, 2000, 3000, 4000, 5000)
-"""Looks at a design that rests: the last but the second ones are refined in the background, in
-parts, so that the next move does not have to wait."""
+@dataclass(frozen=True)
+class Against:
+    """How a design compares with the pinned one.
+
+    Attributes:
+        what: is compared, "score", "does" or "eoen".
+        gain: by how much it is higher, by index 1.
+    """
+
+    what: str
+    gain: Estimate
+
+    @property
+    def verdict(self) -> str:
+        """By the 95 % interval; a low EoEn is the better one."""
+        low, high = self.gain.low, self.gain.high
+        if self.what == "eoen":
+            low, high = -high, -low
+        return "better" if low > 0 else "worse" if high < 0 else "not certain"
 
 
 @dataclass(frozen=True)
@@ -35,14 +48,33 @@ class Look:
     Attributes:
         study: of what.
         found: of so many trials.
-        against: how it compares with the pinned design on the same trials, if there is one.
+        against: the pinned design on the same trials, if there is one that can be compared.
         seconds: since the design changed.
     """
 
     study: Study
     found: Evaluation
-    against: Estimate | None
+    against: Against | None
     seconds: float
+
+
+class _Pinned:
+    """The pinned design, as often as it is looked at."""
+
+    def __init__(self, study: Study):
+        self.study = study
+        self._experiment: Experiment | None = None
+        self._found: dict[int, Evaluation] = {}
+
+    async def found(self, trials: int) -> Evaluation | None:
+        """What is known of it after so many trials; None if it has had more by now."""
+        if trials not in self._found:
+            if self._experiment is None:
+                self._experiment = await asyncio.to_thread(Experiment, self.study)
+            if self._experiment.trials > trials:
+                return None
+            self._found[trials] = await asyncio.to_thread(self._experiment.go_on, trials)
+        return self._found[trials]
 
 
 class Studio:
@@ -60,7 +92,9 @@ class Studio:
         """Called when the design has changed; whether it is still moving."""
         self.on_look: list[Callable[[Look], None]] = []
         self.on_opened: list[Callable[[], None]] = []
-        """Called when it is another study altogether, or other numbers can be turned."""
+        """Called when it is another study altogether."""
+        self.on_dials: list[Callable[[], None]] = []
+        """Called when other numbers can be turned."""
         self.on_named: list[Callable[[], None]] = []
         self.last: Look | None = None
         self.problem = self.doubt = ""
@@ -69,29 +103,35 @@ class Studio:
         self.closed = False
         self._turn, self._moving, self._changed = 0, False, 0.0
         self._task: asyncio.Task[None] | None = None
-        self._pinned: dict[int, Evaluation] = {}
+        self._pinned = None if desk.pinned is None else _Pinned(desk.pinned)
+        self.held = False
+        """Whether something is being dragged: nothing is undone then."""
 
     # ------------------------------------------------------------------ the design
 
-    def take(self, study: Study, *, before: Study | None = None, moving: bool = False) -> None:
-        """Another design; `before` is what undo goes back to, unless given the present one. What is
-        still moving cannot be undone."""
+    def take(
+        self,
+        study: Study,
+        *,
+        before: Study | None = None,
+        moving: bool = False,
+        further: bool = False,
+    ) -> None:
+        """Another design.
+
+        Arguments:
+            study: it.
+            before, further: see `Desk.change`.
+            moving: whether it is still being dragged; it cannot be undone then.
+        """
         if moving:
             self.desk.study = study
         else:
-            self.desk.change(study, before)
+            self.desk.change(study, before, further=further)
         self.tell(moving=moving)
 
-    def bend(self, hand: HandDesign, *, before: Study | None = None, moving: bool = False) -> None:
-        """`take`, of another hand."""
-        self.take(replace(self.desk.study, hand=hand), before=before, moving=moving)
-
-    def resize(self, body: Body, *, before: Study | None = None, moving: bool = False) -> None:
-        """`take`, of another object."""
-        self.take(replace(self.desk.study, body=body), before=before, moving=moving)
-
     def turn(
-        self, label: str, value: float, *, before: Study | None = None, moving: bool = False
+        self, label: str, value: float | None, *, before: Study | None = None, moving: bool = False
     ) -> str:
         """`take`, with another number; says why it cannot be, else ""."""
         try:
@@ -102,24 +142,29 @@ class Studio:
         return ""
 
     def undo(self) -> None:
-        self.desk.undo()
-        self.tell()
+        if not self.held:
+            self.desk.undo()
+            self.tell()
 
     def redo(self) -> None:
-        self.desk.redo()
-        self.tell()
+        if not self.held:
+            self.desk.redo()
+            self.tell()
 
     def reset(self) -> None:
-        self.desk.reset()
-        self.tell()
+        if not self.held:
+            self.desk.reset()
+            self.tell()
 
     def open(self, study: Study, name: str) -> None:
         """Another study in place of this one."""
         self.desk = Desk.of(study, name)
-        self._pinned = {}
+        self._pinned = None
         self._check()
         self.rename(name)
-        self.renew()
+        for told in (*self.on_opened, *self.on_dials):
+            told()
+        self.tell()
 
     def rename(self, name: str) -> None:
         """The design is in another file."""
@@ -127,12 +172,6 @@ class Studio:
         self._keep(self.desk)
         for told in self.on_named:
             told()
-
-    def renew(self) -> None:
-        """Tells that other numbers can be turned."""
-        for told in self.on_opened:
-            told()
-        self.tell()
 
     def _check(self) -> None:
         study = self.desk.study
@@ -154,7 +193,7 @@ class Studio:
         """Compares what follows with the present design; a second time: no more."""
         desk = self.desk
         desk.pinned = None if desk.pinned is desk.study else desk.study
-        self._pinned = {}
+        self._pinned = None if desk.pinned is None else _Pinned(desk.pinned)
         self.tell()
 
     def _follow(self, *, moving: bool) -> None:
@@ -184,24 +223,24 @@ class Studio:
                     if done != self._turn:
                         break
             except ValueError as error:  # an engine that cannot run it, say
-                self.refused(str(error))
+                if done == self._turn:
+                    self.problem = str(error)
+                    for drawn in self.on_design:
+                        drawn(False)
 
     def refused(self, why: str) -> None:
         """What could not be done; a page shows it."""
 
-    async def _against(self, found: Evaluation, trials: int) -> Estimate | None:
+    async def _against(self, found: Evaluation, trials: int) -> Against | None:
         """How the design compares with the pinned one, on the same trials."""
-        pinned = self.desk.pinned
-        if pinned is None:
+        if self._pinned is None:
             return None
-        if trials not in self._pinned:
-            with suppress(ValueError):  # it was evaluated when it was pinned
-                experiment = await asyncio.to_thread(Experiment, pinned)
-                self._pinned = {n: await asyncio.to_thread(experiment.go_on, n) for n in AT_REST}
-        theirs = self._pinned.get(trials)
-        if theirs is None:
-            return None
-        both = len(found.directions) == 2 == len(theirs.directions)
         with suppress(ValueError):  # of another seed or limit
-            return found.difference(theirs, "score" if both else "does")["index1"]
+            theirs = await self._pinned.found(trials)
+            if theirs is None:
+                return None
+            common = [d for d in found.directions if d in theirs.directions]
+            if common:
+                what = "score" if len(common) == 2 else common[0]
+                return Against(what, found.difference(theirs, what)["index1"])
         return None

@@ -1,4 +1,4 @@
-"""A trial played in the hand, with its trail, gravity and clock; and where objects stay."""
+"""A trial played in the hand, with its trail, gravity and clock."""
 
 from __future__ import annotations
 

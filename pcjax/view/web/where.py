@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import base64
-from asyncio import to_thread
+from asyncio import Task, to_thread
+from contextlib import suppress
 from functools import partial
 from io import BytesIO
 
@@ -28,6 +29,7 @@ class Where:
     def __init__(self, studio: Studio, canvas: Canvas):
         self.studio, self.canvas = studio, canvas
         self._turn = 0
+        self._task: Task[None] | None = None
         self._switch = ui.switch("where objects stay")
         self._switch.props["data-testid"] = "occupancy"
         self._switch.on_value_change(self._renew)
@@ -36,39 +38,44 @@ class Where:
 
     def _on_design(self, moving: bool) -> None:
         self._turn += 1
-        if self.canvas.under:
-            for direction in list(self.canvas.under):
-                del self.canvas.under[direction]
-                self.canvas.redraw(direction)
+        self._clear()
         if not moving:
             self._renew()
 
+    def _clear(self) -> None:
+        for direction in list(self.canvas.under):
+            del self.canvas.under[direction]
+            self.canvas.redraw(direction)
+
     def _renew(self) -> None:
         self._turn += 1
-        if self._switch.value and not self.studio.problem:
-            background_tasks.create(self._look(self._turn, self.studio.desk.study))
-        elif not self._switch.value:
-            for direction in list(self.canvas.under):
-                del self.canvas.under[direction]
-                self.canvas.redraw(direction)
+        if not self._switch.value:
+            self._clear()
+        elif self._task is None or self._task.done():
+            self._task = background_tasks.create(self._follow())
+
+    async def _follow(self) -> None:
+        """Looks at the newest design, again and again until nothing is left to be seen."""
+        done = 0
+        while done != self._turn and self._switch.value and not self.studio.closed:
+            done = self._turn
+            if not self.studio.problem:
+                # Another engine than the one for the numbers may not be able to run it.
+                with suppress(ValueError):
+                    await self._look(done, self.studio.desk.study)
 
     async def _look(self, turn: int, study: Study) -> None:
         known: dict[str, Occupancy] = {}
-        try:
-            for trials in _TRIALS:
-                first = next(iter(known.values())).trials if known else 0
-                more = await to_thread(
-                    occupancy_of_study, study, trials=trials - first, first=first
-                )
-                known = {d: known[d].joined(one) if known else one for d, one in more.items()}
-                pictures = {d: await to_thread(map_svg, one) for d, one in known.items()}
-                if turn != self._turn or self.studio.closed:
-                    return
-                for direction, svg in pictures.items():
-                    self.canvas.under[direction] = partial(_drawn, svg, known[direction])
-                    self.canvas.redraw(direction)
-        except ValueError as error:
-            self.studio.refused(str(error))
+        for trials in _TRIALS:
+            first = next(iter(known.values())).trials if known else 0
+            more = await to_thread(occupancy_of_study, study, trials=trials - first, first=first)
+            known = {d: known[d].joined(one) if known else one for d, one in more.items()}
+            pictures = {d: await to_thread(map_svg, one) for d, one in known.items()}
+            if turn != self._turn or self.studio.closed:
+                return
+            for direction, svg in pictures.items():
+                self.canvas.under[direction] = partial(_drawn, svg, known[direction])
+                self.canvas.redraw(direction)
 
 
 def map_svg(found: Occupancy) -> str:
