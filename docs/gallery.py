@@ -26,9 +26,13 @@ ORDER = (
 )
 
 
-@functools.cache
 def _made(name: str, trials: int) -> tuple[bytes, dict[str, Any]]:
-    """A hand's picture and its numbers, by the command itself."""
+    return _run((HANDS / f"{name}.toml").read_text(), name, trials)
+
+
+@functools.cache
+def _run(text: str, name: str, trials: int) -> tuple[bytes, dict[str, Any]]:
+    """The picture and the numbers of a study with that text, by the command itself."""
     from pcjax.cli import main
 
     said = io.StringIO()

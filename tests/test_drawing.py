@@ -211,6 +211,9 @@ def test_layers_that_are_off_do_not_count(tmp_path: Path) -> None:
     check_same(read_drawing(path), hand)
     line = numbers(points_of(hand) * [1, -1])
     hidden = '<g style="display: none"><circle cx="1" cy="1" r="4"/></g><defs><path d="M0"/></defs>'
+    hidden += (
+        '<path visibility="hidden" d="M0 0L9 9"/><path style="visibility: hidden" d="M1 0L9 9"/>'
+    )
     check_same(
         read_drawing(svg(tmp_path / "hand.svg", f'{hidden}<polyline points="{line}"/>')), hand
     )

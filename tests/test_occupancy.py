@@ -176,9 +176,13 @@ def test_parts_make_the_whole() -> None:
     np.testing.assert_array_equal(joined.origins, whole.origins)
     np.testing.assert_array_equal(joined.rested, whole.rested)
     with pytest.raises(ValueError, match="different seed: 3 and 4"):
-        whole.joined(pcjax.occupancy(BOX, trials=4, max_steps=STEPS, seed=4))
+        whole.joined(pcjax.occupancy(BOX, trials=4, first=40, max_steps=STEPS, seed=4))
     with pytest.raises(ValueError, match="different grids"):
-        whole.joined(pcjax.occupancy(BOX, trials=4, cells=7, **settings))
+        whole.joined(pcjax.occupancy(BOX, trials=4, first=40, cells=7, **settings))
+    with pytest.raises(
+        ValueError, match="24 on do not follow on those up to number 39"
+    ):
+        whole.joined(rest)
 
 
 def test_a_rest_goes_on_from_call_to_call_and_a_turning_point_is_none() -> None:

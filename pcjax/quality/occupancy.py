@@ -49,6 +49,7 @@ class Occupancy:
         seed, max_steps: as for `pcjax.evaluate`.
         engine: what ran the trials, with its parameters.
         trials: how many there were.
+        first: the number of the first of them.
         status: how many of them ended as "passed" (escaped), "limit" and "invalid".
         seconds: s that the object's centre spent in each cell, over all trials until each ended,
             those that went wrong included; the first row is the lowest.
@@ -66,6 +67,7 @@ class Occupancy:
     max_steps: int
     engine: str
     trials: int
+    first: int
     status: Mapping[str, int]
     seconds: Float[np.ndarray, "rows columns"]
     extent: tuple[float, float, float, float]
@@ -87,8 +89,13 @@ class Occupancy:
         """With further trials of the same condition, so that a picture can grow.
 
         Raises:
-            ValueError: those of another seed, limit or grid.
+            ValueError: those of another seed, limit or grid, or that do not follow on these.
         """
+        if more.first != self.first + self.trials:
+            raise ValueError(
+                f"trials from number {more.first} on do not follow on those up to number "
+                f"{self.first + self.trials - 1}"
+            )
         for name in ("seed", "max_steps", "engine", "extent"):
             mine, theirs = getattr(self, name), getattr(more, name)
             if mine != theirs:
@@ -179,6 +186,7 @@ def occupancy(
         limit,
         chosen.provenance,
         trials,
+        first,
         {name: int((status == kind).sum()) for kind, name in STATUS_NAMES.items()},
         tally.counts.reshape(tally.shape) * tally.interval,
         tally.extent,

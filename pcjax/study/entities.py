@@ -128,6 +128,7 @@ def _dxf(path: Path, content: bytes) -> Drawing:
         for entity in file.modelspace()
         if (layer := entity.dxf.layer.upper()) not in hidden
         and entity.dxftype() in {*_DXF_DRAWN, "INSERT"}
+        and not entity.dxf.get("invisible", 0)
     ]
     if not code:
         return Drawing(entities, "", None, y_down=False)
@@ -208,7 +209,13 @@ def _style(element: ElementTree.Element) -> str:
 
 
 def _hidden(element: ElementTree.Element) -> bool:
-    return element.get("display") == "none" or "display:none" in _style(element)
+    style = _style(element)
+    return (
+        element.get("display") == "none"
+        or "display:none" in style
+        or element.get("visibility") in ("hidden", "collapse")
+        or re.search(r"visibility:(hidden|collapse)", style) is not None
+    )
 
 
 def _names(element: ElementTree.Element) -> Iterator[str]:
