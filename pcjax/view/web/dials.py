@@ -148,17 +148,7 @@ def _of_component(label: str, table: str, what: Quantity, value: float, units: s
     step = 1.0 if what.kind is int else _nice((high - low) / 500)
     low = low + step if what.above else low
     words = label.removesuffix("_deg").replace("_", " ")
-    return Dial(
-        label,
-        words,
-        table,
-        low,
-        high,
-        step,
-        value,
-        unit,
-        optional=bool(what.word) or what.default is None,
-    )
+    return Dial(label, words, table, low, high, step, value, unit)
 
 
 def _nice(step: float) -> float:
