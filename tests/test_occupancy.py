@@ -179,9 +179,7 @@ def test_parts_make_the_whole() -> None:
         whole.joined(pcjax.occupancy(BOX, trials=4, first=40, max_steps=STEPS, seed=4))
     with pytest.raises(ValueError, match="different grids"):
         whole.joined(pcjax.occupancy(BOX, trials=4, first=40, cells=7, **settings))
-    with pytest.raises(
-        ValueError, match="24 on do not follow on those up to number 39"
-    ):
+    with pytest.raises(ValueError, match="24 on do not follow on those up to number 39"):
         whole.joined(rest)
 
 

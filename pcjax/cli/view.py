@@ -6,12 +6,14 @@ import argparse
 from pathlib import Path
 
 from pcjax.cli.condition import add_condition, condition
-from pcjax.cli.parts import whole
+from pcjax.cli.parts import add_direction, add_experiment, whole
 
 
 def add_view(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
     add_condition(parser)
+    add_direction(parser, "both for a hand that has both")
+    add_experiment(parser)
     add = parser.add_argument
     add("--port", type=whole, help="on 127.0.0.1 (default: 8420, or the next free one)")
     add("--no-browser", action="store_true", help="only serve the page, do not open it")

@@ -8,10 +8,10 @@ import numpy as np
 from nicegui import events, ui
 
 from pcjax.results.schema import NAMES
-from pcjax.study.evaluate import Experiment
 from pcjax.study.spec import Study
 from pcjax.view.shapes import COLOURS
 from pcjax.view.web.dials import dials_of, turned
+from pcjax.view.web.looks import experiment_of
 from pcjax.view.web.numbers import axes, band_series
 from pcjax.view.web.studio import Studio
 
@@ -97,7 +97,7 @@ class Along:
         missing = 0
         for value in np.linspace(low, high, _USUAL):
             try:
-                experiment = Experiment(turned(study, label, float(f"{value:.6g}")))
+                experiment = experiment_of(turned(study, label, float(f"{value:.6g}")))
                 found = await to_thread(experiment.go_on, _TRIALS)
             except ValueError:
                 missing += 1

@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from pcjax.study.evaluate import Experiment
 from pcjax.study.spec import Study
-from pcjax.view.web.looks import AT_REST
+from pcjax.view.web.looks import AT_REST, experiment_of
 
 HOST = "127.0.0.1"
 
@@ -112,7 +111,7 @@ def warm_up(study: Study) -> None:
     Raises:
         ValueError: the study cannot be evaluated.
     """
-    experiment = Experiment(study)
+    experiment = experiment_of(study)
     for trials in AT_REST[:3]:
         experiment.go_on(trials)
 

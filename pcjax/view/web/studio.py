@@ -17,7 +17,7 @@ from pcjax.study.evaluate import Experiment
 from pcjax.study.spec import Study
 from pcjax.view.web.desk import Desk, doubt_of, problem_of
 from pcjax.view.web.dials import turned
-from pcjax.view.web.looks import AT_REST, MOVING
+from pcjax.view.web.looks import AT_REST, MOVING, experiment_of
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class _Pinned:
         """What is known of it after so many trials; None if it has had more by now."""
         if trials not in self._found:
             if self._experiment is None:
-                self._experiment = await asyncio.to_thread(Experiment, self.study)
+                self._experiment = await asyncio.to_thread(experiment_of, self.study)
             if self._experiment.trials > trials:
                 return None
             self._found[trials] = await asyncio.to_thread(self._experiment.go_on, trials)
@@ -210,7 +210,7 @@ class Studio:
             if self.problem:
                 continue
             try:
-                experiment = await asyncio.to_thread(Experiment, study)
+                experiment = await asyncio.to_thread(experiment_of, study)
                 for trials in looks:
                     found = await asyncio.to_thread(experiment.go_on, trials)
                     against = await self._against(found, trials)
