@@ -105,6 +105,7 @@ def _small(code: str) -> str:
     for names, value in (
         ("trials|accept_trials|check_trials", "20"),
         ("iterations", "1"),
+        ("first", "20"),
         ("max_steps", "20_000"),
     ):
         code = re.sub(rf"\b({names})=[\d_]+", rf"\1={value}", code)
