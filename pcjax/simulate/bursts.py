@@ -18,7 +18,7 @@ from pcjax.physics.state import INVALID, RUNNING, State
 from pcjax.simulate.batch import LaneEngine
 from pcjax.simulate.lanes import Lanes, lane_axes
 from pcjax.simulate.relaxation import Excursion, Layer
-from pcjax.simulate.rounds import Trials
+from pcjax.simulate.rounds import Tracked, Trials
 from pcjax.simulate.track import Track
 
 
@@ -51,7 +51,7 @@ class LeapingEngine(LaneEngine):
         return self.bursts(self.budget, self.drift, self.goal_layer, self.burst, self.rounds)
 
 
-class Bursts(eqx.Module):
+class Bursts(Tracked):
     """Leaps, a burst at a time; see `LeapingEngine`.
 
     A subclass says how a leap goes. What leaps has `position`, `velocity`, `time`, `leaps` and
@@ -85,20 +85,11 @@ class Bursts(eqx.Module):
         """The velocity as seen from the hand after a leap."""
         return flight.velocity
 
-    def run(self, trials: Trials, lanes: Lanes) -> Lanes:
-        """Takes each trial `burst` times `rounds` leaps further, or to its end."""
-        return self._advanced(trials, lanes, tracked=False)[0]
-
-    def track(self, trials: Trials, lanes: Lanes) -> tuple[Lanes, Track]:
-        """As `run`, and where each leap ended."""
-        lanes, track = self._advanced(trials, lanes, tracked=True)
-        assert track is not None
-        return lanes, track
-
-    def _advanced(
+    def advanced(
         self, trials: Trials, lanes: Lanes, *, tracked: bool
     ) -> tuple[Lanes, Track | None]:
-        """The lanes, and where each leap ended if they are tracked.
+        """Each trial `burst` times `rounds` leaps further, or at its end; and where each leap ended
+        if they are tracked.
 
         What follows a trial's stretch is known before the stretch is over, so that the next one
         begins within a burst.

@@ -110,6 +110,26 @@ class TrackedProgram(Program, Protocol):
         ...
 
 
+class Tracked(eqx.Module):
+    """A program that runs and tracks by one and the same code."""
+
+    def advanced(
+        self, trials: Trials, lanes: Lanes, *, tracked: bool
+    ) -> tuple[Lanes, Track | None]:
+        """What `run` gives, and what `track` gives beside it if they are tracked."""
+        raise NotImplementedError
+
+    def run(self, trials: Trials, lanes: Lanes) -> Lanes:
+        """Takes lanes some way through their trials."""
+        return self.advanced(trials, lanes, tracked=False)[0]
+
+    def track(self, trials: Trials, lanes: Lanes) -> tuple[Lanes, Track]:
+        """As `run`, and where the lanes were."""
+        lanes, track = self.advanced(trials, lanes, tracked=True)
+        assert track is not None
+        return lanes, track
+
+
 def advance_block(
     *,
     program: Program,

@@ -26,7 +26,7 @@ from pcjax.simulate.draws import period_draws, start_draws, trial_key
 from pcjax.simulate.engine import register_engine
 from pcjax.simulate.lanes import Lanes, lane_axes
 from pcjax.simulate.relaxation import Layer
-from pcjax.simulate.rounds import Trials
+from pcjax.simulate.rounds import Tracked, Trials
 from pcjax.simulate.track import Track
 
 _CHUNK = 50
@@ -145,7 +145,7 @@ def safe_step(scenario: Scenario) -> float:
     return min(longest, _AUTO_TRAVEL * radius / max(speed, 1e-9))
 
 
-class SteppingProgram(eqx.Module):
+class SteppingProgram(Tracked):
     """Steps of one length, as many as a period has.
 
     Arguments:
@@ -160,19 +160,11 @@ class SteppingProgram(eqx.Module):
     goal_layer: Scalar | None
     chunk: int = eqx.field(static=True)
 
-    def run(self, trials: Trials, lanes: Lanes) -> Lanes:
-        """Takes a batch of trials, each at the end of a period, through the next one."""
-        return self._advanced(trials, lanes, tracked=False)[0]
-
-    def track(self, trials: Trials, lanes: Lanes) -> tuple[Lanes, Track]:
-        """As `run`, and where the lanes were at equal intervals of the period."""
-        lanes, track = self._advanced(trials, lanes, tracked=True)
-        assert track is not None
-        return lanes, track
-
-    def _advanced(
+    def advanced(
         self, trials: Trials, lanes: Lanes, *, tracked: bool
     ) -> tuple[Lanes, Track | None]:
+        """A batch of trials, each at the end of a period, after the next one; and where they were
+        at equal intervals of it if they are tracked."""
         over = (lanes.time >= trials.scenarios.drive.period) & (lanes.period < trials.last_period)
         over = over & (lanes.state.status == RUNNING)
         period = lanes.period + over.astype(lanes.period.dtype)

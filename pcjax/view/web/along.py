@@ -95,9 +95,9 @@ class Along:
         self._chart.options["xAxis"]["name"] = self._which.options[label]  # pyright: ignore
         self._chart.set_visibility(True)
         missing = 0
-        for value in np.linspace(low, high, _USUAL):
+        for x in (float(f"{value:.6g}") for value in np.linspace(low, high, _USUAL)):
             try:
-                experiment = experiment_of(turned(study, label, float(f"{value:.6g}")))
+                experiment = experiment_of(turned(study, label, x))
                 found = await to_thread(experiment.go_on, _TRIALS)
             except ValueError:
                 missing += 1
@@ -105,7 +105,6 @@ class Along:
             if mine != self._turn or self.studio.closed:
                 return
             main = found.main
-            x = float(f"{value:.6g}")
             self._swept[1].append(x)
             # An undefined score is a gap in the curve.
             for one, y in zip(series, (main.value, main.low, main.high - main.low), strict=True):
