@@ -56,7 +56,7 @@ class Quantity:
         metric: the default where lengths are in metres, in metres; None: there is none then.
         low, high: the allowed range.
         above: whether `low` itself is not allowed.
-        kind: float, or int or bool for what is part of the program.
+        kind: float, or int, bool or str for what is part of the program.
         word: what files and the command line say for None, such as "random".
         count: of how many numbers it consists; None for one number.
         many: whether it is any number of such values, one or more.
@@ -177,6 +177,10 @@ class Quantity:
         if self.kind is bool:
             if not isinstance(value, bool):
                 raise ValueError(f"{name} is {value!r}: it has to be true or false")
+            return
+        if self.kind is str:
+            if not isinstance(value, str):
+                raise ValueError(f"{name} is {value!r}: it has to be a text")
             return
         if self.kind is int:
             check_count(name, value, int(self.low), int(self.high))

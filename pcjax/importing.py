@@ -4,6 +4,7 @@ asked for; and on another thread meanwhile."""
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import threading
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
@@ -43,3 +44,22 @@ def results_meanwhile(*, kept: bool) -> None:
                 importlib.import_module(name)
 
     threading.Thread(target=bring, daemon=True).start()
+
+
+def mujoco() -> Any:
+    """MuJoCo, which simulates hands in three dimensions.
+
+    Raises:
+        ValueError: it is not installed, or a version without what is needed.
+    """
+    install = "pip install 'pcjax[mujoco]'"
+    try:
+        module = importlib.import_module("mujoco")
+        importlib.import_module("mujoco.batch")
+    except ImportError:
+        older = importlib.util.find_spec("mujoco") is not None
+        problem = "needs MuJoCo 3.17 or later" if older else "needs MuJoCo"
+        raise ValueError(f"a hand in three dimensions {problem}: {install}") from None
+    if module.__version__ == "4.0.0":  # its contact solver is wrong for sparse Jacobians
+        raise ValueError(f"MuJoCo 4.0.0 solves contacts wrongly, take another version: {install}")
+    return module

@@ -35,7 +35,7 @@ from pcjax.results.reading import load_dataset
 from pcjax.results.saving import save_dataset
 from pcjax.results.schema import dataset_of
 from pcjax.simulate.outcomes import Outcomes
-from pcjax.study.read import EXAMPLE, load_study
+from pcjax.study.read import example, load_study
 from pcjax.study.spec import Run, Study, Sweep
 from pcjax.sweep.plan import Part, Plan
 from pcjax.sweep.run import run_sweep
@@ -369,7 +369,7 @@ def test_a_damaged_study_txt_refuses_the_sweep(tmp_path: Path) -> None:
 def test_a_damaged_study_is_read_or_refused(tmp_path: Path) -> None:
     """A study is written by hand: what is still one may ask for something else."""
     path = tmp_path / "study.toml"
-    path.write_text(EXAMPLE)
+    path.write_text(example())
     before = load_study(path).to_toml()
     damaged(path, lambda: load_study(path).to_toml(), lambda text: text == before)
 

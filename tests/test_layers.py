@@ -20,6 +20,7 @@ LAYERS = (
     ("paper",),
     ("view",),
     ("sweep",),
+    ("spatial",),
     ("study",),
     ("design",),
     ("results",),

@@ -21,7 +21,7 @@ from pcjax.simulate.engine import Engine
 from pcjax.simulate.lanes import Lanes
 from pcjax.simulate.replay import Recording, record
 from pcjax.simulate.track import Track
-from pcjax.study.read import EXAMPLE
+from pcjax.study.read import example
 
 pytestmark = pytest.mark.usefixtures("quick_programs")
 
@@ -271,7 +271,7 @@ def test_the_picture_has_it_all() -> None:
 @pytest.fixture
 def study(tmp_path: Path) -> Path:
     path = tmp_path / "study.toml"
-    path.write_text(EXAMPLE + "\n")
+    path.write_text(example() + "\n")
     return path
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import pcjax
 from pcjax.cli import main
-from pcjax.study.read import EXAMPLE
+from pcjax.study.read import example
 from pcjax.study.spec import Study
 from tests.shown import ROOT, SMALL, blocks, check_files_written, small_words
 
@@ -42,9 +42,9 @@ def test_command(
         Study(pcjax.box_hand(), pcjax.Circle(25.0), pcjax.WristTilt(), pcjax.ContactLaw()).to_toml()
     )
     if "study.toml" in words and words[0] != "study":
-        (tmp_path / "study.toml").write_text(EXAMPLE)
+        (tmp_path / "study.toml").write_text(example())
     if "sweep.nc" in words and words[0] != "sweep":
-        (tmp_path / "study.toml").write_text(EXAMPLE)
+        (tmp_path / "study.toml").write_text(example())
         main(["sweep", str(tmp_path / "study.toml"), "--out", str(tmp_path / "sweep.nc"), *SMALL])
     if "--hand" in words:
         pcjax.export_hand(pcjax.box_hand(), tmp_path / "hand.dxf", units="mm")

@@ -20,7 +20,7 @@ from pcjax.model.drives.arm import PlanarArm
 from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.hand import HandDesign
 from pcjax.model.presets import box_hand, two_joint_hand
-from pcjax.study.read import EXAMPLE, load_study
+from pcjax.study.read import example, load_study
 from pcjax.study.spec import Run, Study, Sweep
 from pcjax.study.vary import unit_of
 from pcjax.words import InputWarning
@@ -285,7 +285,7 @@ def test_everything_in_a_file_comes_back(tmp_path: Path) -> None:
     back = read(study.to_toml(), tmp_path)
     assert back.to_toml() == study.to_toml()
     assert (back.run, back.sweep) == (study.run, study.sweep)
-    assert read(EXAMPLE, tmp_path).sweep is not None
+    assert read(example(), tmp_path).sweep is not None
 
 
 def test_presets_and_what_is_left_out_are_the_papers(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.presets import box_hand
 from pcjax.results.tables import conditions_table
 from pcjax.study.evaluate import evaluate
-from pcjax.study.read import EXAMPLE, load_study
+from pcjax.study.read import example, load_study
 from pcjax.study.spec import Run, Study, Sweep
 from pcjax.sweep.plan import Plan
 from pcjax.sweep.run import run_sweep
@@ -361,7 +361,7 @@ if __name__ == "__main__":
 def test_the_example_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main(["study", "--example"])
     text = capsys.readouterr().out
-    assert text == EXAMPLE
+    assert text == example()
     study, out = tmp_path / "study.toml", tmp_path / "r.nc"
     main(["study", "--example", str(study)])
     assert study.read_text() == text

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from pcjax.cli.condition import add_condition, condition
 from pcjax.cli.parts import add_outputs, check_writable, settle_outputs
-from pcjax.model.checking import check_geometry
 from pcjax.model.scenario import does
 from pcjax.view.export import check_drawing, export_hand
 
@@ -32,7 +31,7 @@ def _run(arguments: argparse.Namespace) -> None:
     check_writable(arguments.plot)
     check_drawing(arguments.plot)
     study = condition(arguments)
-    check_geometry(does(study.hand, study.body, study.drive, study.law))
+    does(study.hand, study.body, study.drive, study.law).check()
     body = study.body if arguments.with_object else None
     export_hand(study.hand, arguments.plot, body=body, units=study.units)
     print(f"drawing: {arguments.plot}")

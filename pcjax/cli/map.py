@@ -40,7 +40,7 @@ from pcjax.results.tables import estimate_text, in_columns, wrapped
 from pcjax.study.evaluate import as_attribute
 from pcjax.study.spec import Objective, Study
 from pcjax.study.task import task_of
-from pcjax.study.vary import full_name, names, unit_of
+from pcjax.study.vary import names
 from pcjax.units import with_unit
 
 _DATA = (".nc", ".csv")
@@ -157,7 +157,7 @@ def _run(arguments: argparse.Namespace) -> None:
 def _side(study: Study, name: str, bounds: tuple[float, float] | None) -> Parameter | Number:
     """What is along a side: a parameter of the hand, or a number of the study's."""
     known = names(study.components)
-    label = full_name(labelled(name), study.components)
+    label = study.full_name(labelled(name))
     if label != "start_spread" and label not in known:
         return parameter(label, study.hand, *(bounds or (None, None)))
     if label == "start_spread":
@@ -176,7 +176,7 @@ def _side(study: Study, name: str, bounds: tuple[float, float] | None) -> Parame
         raise ValueError(f"{name} is free from {low:g} to {high:g}: the bounds are out of order")
     for value in bounds:
         study.having({label: value})
-    return Number(label, low, high, current, unit_of(label, study.components, study.units))
+    return Number(label, low, high, current, study.unit_of(label))
 
 
 def as_json(data: xr.Dataset, labels: Sequence[str]) -> dict[str, Any]:

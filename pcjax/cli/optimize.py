@@ -40,7 +40,6 @@ from pcjax.design.parameters import labelled
 from pcjax.design.search import search_grid
 from pcjax.design.space import DesignSpace, design_space
 from pcjax.design.starts import starting_designs
-from pcjax.model.checking import check_geometry
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import FORMS, OBJECTIVES, Surrogate
 from pcjax.results.estimates import as_plain
@@ -48,7 +47,6 @@ from pcjax.results.saving import save_text
 from pcjax.results.tables import estimate_text, interval_text, wrapped
 from pcjax.study.spec import Objective, Study
 from pcjax.study.task import task_of
-from pcjax.study.vary import full_name
 from pcjax.units import in_brackets
 
 _FOR_PATHWISE = {"goal_layer": 0.8, "contact_layer": 0.2}
@@ -202,7 +200,7 @@ def _for_all(study: Study, arguments: argparse.Namespace) -> Study:
     if arguments.weights is not None and arguments.worst:
         raise ValueError("--weights are for the mean of the scores, and --worst for the worst one")
     if arguments.over:
-        over = [(full_name(name, study.components), values) for name, values in arguments.over]
+        over = [(study.full_name(name), values) for name, values in arguments.over]
         for k, (name, _) in enumerate(over):
             if name in dict(over[:k]):
                 raise ValueError(f"--over {name} is there twice")
@@ -266,7 +264,7 @@ def _run(arguments: argparse.Namespace) -> None:
     )
     (begun,) = starting_designs(space.holding(task), 1, settings.seed)
     for scenario in task.scenarios(space.hand(begun)):
-        check_geometry(scenario)
+        scenario.check()
     if arguments.front:
         _run_front(arguments, surrogate, space, settings)
         return

@@ -11,7 +11,7 @@ from pcjax.cli.parts import check_writable, number, whole
 from pcjax.model.bodies.circle import Circle
 from pcjax.results.saving import save_text
 from pcjax.study.drawing import drawn_hand
-from pcjax.study.read import EXAMPLE, load_study
+from pcjax.study.read import EXAMPLES, example, load_study
 from pcjax.study.spec import Study
 from pcjax.sweep.plan import Plan
 from pcjax.units import UNITS
@@ -26,8 +26,12 @@ def add_study(parser: argparse.ArgumentParser) -> None:
     add("study", type=Path, nargs="?", default=None, metavar="FILE", help="to be checked")
     add(
         "--example",
-        action="store_true",
-        help="print a commented study that runs; with FILE, write it there",
+        nargs="?",
+        const=EXAMPLES[0],
+        default=None,
+        metavar="NAME",
+        help="print a commented study that runs, of a hand in the plane or, with NAME mujoco, of "
+        "one in three dimensions; with FILE, write it there",
     )
     add(
         "--hand",
@@ -70,8 +74,10 @@ def add_study(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    path = arguments.study
-    if arguments.example and arguments.hand is not None:
+    path, wanted = arguments.study, arguments.example
+    if wanted is not None and wanted not in EXAMPLES and path is None and "." in wanted:
+        path, wanted = Path(wanted), EXAMPLES[0]  # a file's name after --example
+    if wanted is not None and arguments.hand is not None:
         raise ValueError("--example and --hand: ask for one of them")
     if arguments.hand is None:
         for name in _OF_A_DRAWING:
@@ -80,8 +86,8 @@ def _run(arguments: argparse.Namespace) -> None:
     else:
         _write(_of_drawn_hand(arguments).to_toml() + "\n", path)
         return
-    if arguments.example:
-        _write(EXAMPLE, path)
+    if wanted is not None:
+        _write(example(wanted), path)
         return
     if path is None:
         raise ValueError("name a study file, or ask for --example or --hand")

@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Float
 
 from pcjax.design.space import Design, DesignSpace
-from pcjax.model.checking import check_geometry
 from pcjax.model.hand import HandDesign
 from pcjax.quality.surrogate import Surrogate
 from pcjax.words import InputWarning
@@ -75,7 +74,7 @@ def given_start(surrogate: Surrogate, space: DesignSpace, begun: Design, calls: 
     where = f"the search begins at {space.describe(begun)}"
     try:
         for scenario in surrogate.task.scenarios(space.base):
-            check_geometry(scenario)
+            scenario.check()
     except ValueError as error:
         note = (
             f"the given hand cannot be evaluated ({error}): {where}, and the result is compared "

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any, Protocol, runtime_checkable
 
 from pcjax.geometry import Flag, Scalar, library_of
+from pcjax.model.bodies.base import Body
 from pcjax.model.hand import HandDesign
 from pcjax.model.layout import (
     Geometry,
@@ -14,7 +16,20 @@ from pcjax.model.layout import (
     geometry_of_hand,
     same_gap,
 )
-from pcjax.model.scenario import Scenario
+
+
+@runtime_checkable
+class Held(Protocol):
+    """What is looked at of a scenario in the plane."""
+
+    @property
+    def hand(self) -> HandDesign: ...
+    @property
+    def body(self) -> Body: ...
+    @property
+    def start_spread(self) -> Scalar: ...
+    @property
+    def contact_radius(self) -> Scalar: ...
 
 
 def is_hand(hand: HandDesign, directions: Sequence[str]) -> Flag:
@@ -31,11 +46,11 @@ def is_hand(hand: HandDesign, directions: Sequence[str]) -> Flag:
     return good & same_gap(hand.gap(), seen[directions[-1]].gap(), hand.thickness)
 
 
-def _slack(scenario: Scenario) -> Scalar:
+def _slack(scenario: Held) -> Scalar:
     return -1e-9 * scenario.hand.palm_length
 
 
-def check_geometry(scenario: Scenario) -> float:
+def check_geometry(scenario: Held) -> float:
     """Checks a scenario whose numbers are concrete and returns the hand's gap.
 
     Raises:
@@ -73,16 +88,16 @@ def check_geometry(scenario: Scenario) -> float:
     return float(found.gap)
 
 
-def geometry_of(scenario: Scenario) -> Geometry:
+def geometry_of(scenario: Held) -> Geometry:
     """What a scenario looks like whose numbers are concrete, in 64 bits."""
     return geometry_of_hand(*_place(scenario))
 
 
-def _place(scenario: Scenario) -> Place:
+def _place(scenario: Held) -> Place:
     return scenario.hand, scenario.contact_radius, scenario.start_spread
 
 
-def _advice(scenario: Scenario) -> str:
+def _advice(scenario: Any) -> str:
     """What would let the object start inside the hand, found by trying."""
 
     def starts(spread: float, shrunk: float = 1.0) -> bool:
@@ -101,6 +116,6 @@ def _advice(scenario: Scenario) -> str:
     return "change the joint angles; no object and no start_spread would do"
 
 
-def gaps_of(scenarios: Sequence[Scenario]) -> list[float]:
+def gaps_of(scenarios: Sequence[Held]) -> list[float]:
     """The hands' gaps, for scenarios whose numbers are concrete."""
     return [float(found.gap) for found in geometries_of(list(map(_place, scenarios)))]

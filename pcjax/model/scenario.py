@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from pcjax.checks import check_between, check_kind
 from pcjax.geometry import Scalar, Scalars, Segment, Vec
-from pcjax.model.bodies.base import Body, Shape
+from pcjax.model.bodies.base import Body, Shape, placed_outline
+from pcjax.model.checking import check_geometry, geometry_of
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.base import Drive
 from pcjax.model.drives.wrist import WristTilt
@@ -84,6 +86,8 @@ class Scenario(eqx.Module):
     law: ContactLaw
     start_spread: Scalar
 
+    dimensions: ClassVar[int] = 2
+
     @property
     def contact_radius(self) -> Scalar:
         """How far from a limb's middle line the centre of a circle of the object's radius is that
@@ -136,9 +140,51 @@ class Scenario(eqx.Module):
         """
         return first_centre(self.hand, self.contact_radius, self.start_spread, draws)
 
+    def check(self) -> float:
+        """Checks what is to be run, and returns the hand's gap; NaN where that is not known.
+
+        Raises:
+            ValueError: see `pcjax.model.checking.check_geometry`.
+        """
+        return check_geometry(self)
+
+    def places(self) -> dict[str, np.ndarray]:
+        """Where limbs, goal line, gap, start and object are, for pictures, for plain numbers; the
+        `rounding` is the radius by which the object's corners are rounded. Nothing where a picture
+        is made otherwise."""
+        found = geometry_of(self)
+        start = _numbers(found.start)
+        corners, rounding = placed_outline(self.body, start)
+        return {
+            "limbs": np.array([_numbers(limb.start, limb.end) for limb in found.limbs]),
+            "goal": _numbers(found.goal.a, found.goal.b),
+            "passage": _numbers(*found.passage),
+            "gap": np.array(found.gap, float),
+            "start": start,
+            "outline": corners,
+            "rounding": np.array(rounding),
+        }
+
+    def sizes(self) -> dict[str, float]:
+        """Sizes of object and hand, as results keep them for plain numbers."""
+        body = self.body
+        sizes = {
+            "radius": float(body.radius),
+            "object_width": float(body.width),
+            "thickness": float(self.hand.thickness),
+        }
+        # What one has to know of what has an angle: that at the start, and its skin.
+        more = ("orientation", "skin") if body.oriented else ()
+        known = {name: getattr(body, name, None) for name in more}
+        return sizes | {name: float(number) for name, number in known.items() if number is not None}
+
     def corner_start(self) -> Vec:
         """The start closest to the corner at the palm's right end."""
         return corner_centre(self.hand, self.contact_radius, self.start_spread)
+
+
+def _numbers(*points: Vec) -> np.ndarray:
+    return np.array([number for point in points for number in (point.x, point.y)], float)
 
 
 def check_kinds(hand: Any, body: Any, drive: Any, law: Any) -> None:

@@ -13,7 +13,6 @@ from jaxtyping import Bool, Float, Int
 
 from pcjax.checks import check_count
 from pcjax.geometry import Vec
-from pcjax.model.checking import check_geometry
 from pcjax.model.scenario import Scenario, usual_max_steps
 from pcjax.physics.state import PAPER_DT, PASSED
 from pcjax.simulate.batch import run
@@ -157,7 +156,7 @@ def occupancy(
         True
     """
     check_count("cells", cells, 1, 2000)
-    check_geometry(scenario)
+    scenario.check()
     chosen = choose_engine(engine, dt, scenario)
     limit = usual_max_steps(scenario.body, scenario.drive) if max_steps is None else max_steps
     check_count("trials", trials, 1, 2**31 - 1)

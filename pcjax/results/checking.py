@@ -11,6 +11,7 @@ import numpy as np
 from pcjax.importing import xr
 from pcjax.results.schema import (
     ATTRIBUTES,
+    EVALUATIONS,
     INDICES,
     KINDS,
     LABELS,
@@ -68,7 +69,7 @@ def _check_together(data: xr.Dataset) -> None:
     if kind == "sweep":
         for name in labels_of(data):
             check_numbers(data, name, data[name].dims)
-    if "count" in data and kind != "evaluation":
+    if "count" in data and kind not in EVALUATIONS:
         whole = data["trials_used"] if kind == "sweep" else limits["trials"]
         if (data["count"].sum("status_name") != whole).any():
             raise ValueError("count does not sum up to the trials")

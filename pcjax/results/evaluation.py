@@ -18,11 +18,10 @@ from pcjax.physics.state import INVALID
 from pcjax.quality.indices import Estimate, mean, ratio_difference, survival_curve
 from pcjax.quality.stopping import precision_of
 from pcjax.results.estimates import as_plain, counts_of, indices_of, rows_of, score_of
-from pcjax.results.geometry import places_of
 from pcjax.results.provenance import conditions, provenance
 from pcjax.results.reading import load_dataset
 from pcjax.results.saving import save_dataset
-from pcjax.results.schema import INDICES, NAMES, WATCHED, dataset_of, length_unit_of
+from pcjax.results.schema import EVALUATIONS, INDICES, NAMES, WATCHED, dataset_of, length_unit_of
 from pcjax.results.tables import (
     engines_text,
     estimate_text,
@@ -74,9 +73,9 @@ class Evaluation(Shown):
         cls, scenarios: Mapping[str, Scenario], outcomes: Outcomes, run: Mapping[str, Any]
     ) -> Evaluation:
         """The evaluation of one hand from the outcomes in each direction."""
-        some = next(iter(scenarios.values()))
-        body = some.body
-        places, rounding = places_of(list(scenarios.values()))
+        each = [scenario.places() for scenario in scenarios.values()]
+        places = {name: np.stack([one[name] for one in each]) for name in each[0]}
+        rounding = places.pop("rounding", None)
         values = {"escape_step": outcomes.steps, "status": outcomes.status, **places}
         if outcomes.watch is not None:
             values |= dict(zip(WATCHED, np.moveaxis(outcomes.watch, -1, 0), strict=True))
@@ -85,22 +84,16 @@ class Evaluation(Shown):
             | {
                 "trials": outcomes.steps.shape[1],
                 "max_steps": outcomes.max_steps,
-                "radius": float(body.radius),
-                "object_width": float(body.width),
-                "thickness": float(some.hand.thickness),
             }
-            # What one has to know of what has an angle: that at the start, and its skin.
-            | {
-                n: float(number)
-                for n in ("orientation", "skin")
-                if body.oriented and (number := getattr(body, n, None)) is not None
-            }
+            | next(iter(scenarios.values())).sizes()
             | conditions(scenarios)
         )
 
         def dataset() -> xr.Dataset:
-            made = dataset_of("evaluation", values, {"direction": list(scenarios)}, attrs)
-            made.outline.attrs["rounding"] = rounding
+            kind = "spatial" if rounding is None else "evaluation"
+            made = dataset_of(kind, values, {"direction": list(scenarios)}, attrs)
+            if rounding is not None:
+                made.outline.attrs["rounding"] = float(rounding[0])
             return made
 
         new = cls.__new__(cls)
@@ -116,7 +109,7 @@ class Evaluation(Shown):
             ValueError: there is no such file, it is damaged, or no evaluation.
         """
         data = load_dataset(path)
-        if data.attrs["kind"] != "evaluation":
+        if data.attrs["kind"] not in EVALUATIONS:
             raise ValueError(f"{path} is a result of pcjax, but no evaluation of one hand")
         return cls(data)
 
@@ -135,7 +128,7 @@ class Evaluation(Shown):
         indices = [self.indices(d) for d in self.directions]
         both = len(self.directions) == 2
         estimates = dataset_of(
-            "evaluation",
+            self.dataset.attrs["kind"],
             {
                 **{name: rows_of(each[name] for each in indices) for name in INDICES},
                 "score": rows_of(self.score().values()) if both else None,
@@ -155,6 +148,10 @@ class Evaluation(Shown):
     def trials(self) -> int:
         """Trials per direction."""
         return self._arrays["status"].shape[1]
+
+    def gap(self, direction: str) -> float:
+        """The narrowest passage between the fingers, a length; NaN where it is not known."""
+        return float(self._row("gap", direction)) if "gap" in self._arrays else math.nan
 
     def indices(self, direction: str) -> dict[str, Estimate]:
         """Index 1 and index 2 in one direction, over the trials that did not go wrong."""
@@ -276,6 +273,14 @@ class Evaluation(Shown):
                     f"{name}: full cage, the gap of {gap:.4g} is narrower than the object "
                     f"({width:.4g}) and nothing passes"
                 )
+            later = float(self.attrs.get(f"{direction}_half_step_later", 0.0))
+            error = float(self.attrs.get(f"{direction}_half_step_se", 0.0))
+            if abs(later) > 1.96 * error:
+                notes.append(
+                    f"{name}: with half the step the first "
+                    f"{self.attrs[f'{direction}_half_step_trials']} trials end {later:+.4g} ± "
+                    f"{error:.2g} steps later, which is beyond its error; a smaller dt tells more"
+                )
             if counts["invalid"]:
                 notes.append(
                     f"{name}: {counts['invalid']} of {n} trials went wrong (a limb stepped over, "
@@ -362,8 +367,7 @@ class Evaluation(Shown):
         return "\n".join(lines + [wrapped(f"note: {note}") for note in self.notes()])
 
     def _gap_and_width(self, direction: str) -> tuple[float, float]:
-        width = float(self.attrs["object_width"])
-        return float(self._row("gap", direction)), width
+        return self.gap(direction), float(self.attrs["object_width"])
 
     def _caged(self, direction: str) -> bool:
         return bool(full_cage(*self._gap_and_width(direction)))

@@ -1,8 +1,9 @@
 """What files of results hold: every variable and attribute, declared once. Datasets are built from
 that here, and checked against it in `pcjax.results.checking`.
 
-There are four kinds of files. An evaluation has one hand, in each direction, with all its trials; a
-sweep has the conditions of a study; a grid has conditions of anybody's making (a figure of the
+There are five kinds of files. An evaluation has one hand, in each direction, with all its trials,
+and where things are in the plane; that of a hand in three dimensions has the trials alone; a sweep
+has the conditions of a study; a grid has conditions of anybody's making (a figure of the
 paper is one) and the covariance between them; a map has the score over two parameters. What is the
 same thing has the same name in all of them. What is one number for a whole file is an attribute,
 and a variable of that name where it differs between conditions.
@@ -30,7 +31,10 @@ STATISTICS = tuple(f.name for f in fields(Estimate))
 
 INDICES = ("index1", "index2")
 
-KindName = Literal["evaluation", "sweep", "grid", "map"]
+KindName = Literal["evaluation", "spatial", "sweep", "grid", "map"]
+
+EVALUATIONS = ("evaluation", "spatial")
+"""Kinds of files that have one hand, in the plane or in three dimensions, with all its trials."""
 
 Numbers = Literal["real", "whole", "flag", "text"]
 
@@ -194,6 +198,18 @@ KINDS: dict[KindName, Kind] = {
             "wall_seconds": Attribute("real"),
         },
     ),
+    "spatial": Kind(
+        "an evaluation of one hand in three dimensions",
+        ("direction",),
+        _TRIALS,
+        _INDEX | _SCORE | _COUNT,
+        {
+            "radius": Attribute("real", 0),
+            "object_width": Attribute("real", 0),
+            "dt": Attribute("real", 0),
+            "wall_seconds": Attribute("real"),
+        },
+    ),
     "sweep": Kind(
         "a sweep",
         ("direction",),
@@ -336,7 +352,7 @@ def place_of(data: xr.Dataset) -> tuple[str, ...]:
         ValueError: there are none where there have to be.
     """
     kind = data.attrs["kind"]
-    if kind == "evaluation":
+    if kind in EVALUATIONS:
         return ()
     if kind == "grid":
         return ("condition",)

@@ -61,7 +61,7 @@ def choose_engine(engine: str | Engine, dt: float | None, scenario: Scenario) ->
                 f"dt does not go with {made.noun}: it takes no steps whose length can be chosen"
             )
         made = made.having(dt=dt)
-    obstacle = made.obstacle(scenario)
+    obstacle = _obstacle(type(made), scenario) or made.obstacle(scenario)
     if obstacle:
         other = ENGINES.kind_of(_first([scenario], None, Engine))
         raise ValueError(f"{made.noun} cannot run this: {obstacle}; take engine '{other}'")
@@ -86,18 +86,26 @@ def engine_for(
     return kind.suited(scenarios) if dt is None else kind().having(dt=dt)
 
 
+def _obstacle(kind: type[Engine], scenario: Scenario) -> str | None:
+    """Why a kind of engine cannot run a scenario whatever its parameters; None where it can."""
+    if kind.dimensions != scenario.dimensions:
+        where = {2: "in the plane", 3: "in three dimensions"}
+        return f"it is for hands {where[kind.dimensions]}"
+    return kind.obstacle(scenario)
+
+
 def _first(scenarios: Sequence[Scenario], dt: float | None, family: type[E]) -> type[E]:
     for kind in in_order_of_preference(scenarios):
         if (
             issubclass(kind, family)
             and (dt is None or takes_dt(kind))
-            and not any(map(kind.obstacle, scenarios))
+            and not any(_obstacle(kind, scenario) for scenario in scenarios)
         ):
             return kind
     reasons = {
         kind.noun: found
         for kind in in_order_of_preference(scenarios)
-        for found in map(kind.obstacle, scenarios)
+        for found in (_obstacle(kind, scenario) for scenario in scenarios)
         if found
     }
     if not reasons:

@@ -15,7 +15,12 @@ from pcjax.simulate.track import Follower
 ENGINES: Registry[Engine] = Registry(
     "engine",
     "pcjax.engines",
-    ("pcjax.simulate.event", "pcjax.simulate.stepping", "pcjax.simulate.convex"),
+    (
+        "pcjax.simulate.event",
+        "pcjax.simulate.stepping",
+        "pcjax.simulate.convex",
+        "pcjax.simulate.backends.mujoco",
+    ),
 )
 """How trials are run, as study files and flags can name it."""
 
@@ -53,12 +58,14 @@ class Engine(Component):
             scenario is taken. Each class speaks for itself: without a number in its own body it is
             taken only where it is named.
         tracks: whether it tells a `Follower` where its trials are on their way.
+        dimensions: of the scenarios that it is for, 2 or 3.
     """
 
     noun: ClassVar[str] = "this engine"
     summary: ClassVar[str] = "without a summary"
     preference: ClassVar[float | None] = None
     tracks: ClassVar[bool] = False
+    dimensions: ClassVar[int] = 2
 
     @property
     def name(self) -> str:
@@ -104,6 +111,17 @@ class Engine(Component):
         """About how long a trial takes a core of 2023, for a forecast."""
         raise NotImplementedError
 
+    def second_opinion(self, scenario: Scenario, outcomes: Outcomes, how: How) -> dict[str, float]:
+        """How far its trials are to be trusted, from a finer look at some of them, as attributes of
+        results: nothing, unless an engine says otherwise.
+
+        Arguments:
+            scenario: the condition.
+            outcomes: of this condition alone.
+            how: they were run.
+        """
+        return {}
+
     def fill(self, outcomes: Outcomes, scenarios: Sequence[Scenario], how: How) -> None:
         """Runs the trials of every scenario, as many as `outcomes` has room for.
 
@@ -120,6 +138,8 @@ def in_order_of_preference(scenarios: Sequence[Scenario]) -> list[type[Engine]]:
     first."""
     found = []
     for _, kind in ENGINES.items():
+        if any(kind.dimensions != scenario.dimensions for scenario in scenarios):
+            continue
         preferences = [kind.preference_for(scenario) for scenario in scenarios]
         known = [preference for preference in preferences if preference is not None]
         if len(known) == len(preferences):

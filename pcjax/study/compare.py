@@ -80,7 +80,7 @@ class Ranking(Shown):
                     shortened(name),
                     "undefined" if math.isnan(value.value) else f"{value.value:{form}}",
                     interval_text(value, form),
-                    with_unit(float(result.dataset.gap[0]), length_unit_of(result.dataset)),
+                    _gap_text(result),
                     f"{off.value:{form}} {interval_text(off, form)}" if place > 1 else "",
                     self.verdict(name, first) if place > 1 else "",
                 ]
@@ -190,6 +190,11 @@ def _ranked(found: Mapping[str, Evaluation], target: float | None) -> Ranking:
         raise ValueError("one hand has EoEn only and another has not: give all the same direction")
     order = sorted(found, key=lambda name: _order(_value(found[name], by)), reverse=True)
     return Ranking({name: found[name] for name in order}, by, target)
+
+
+def _gap_text(result: Evaluation) -> str:
+    gap = result.gap(result.directions[0])
+    return "" if math.isnan(gap) else with_unit(gap, length_unit_of(result.dataset))
 
 
 def _value(evaluation: Evaluation, by: str) -> Estimate:

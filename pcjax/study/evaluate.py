@@ -12,7 +12,6 @@ import numpy as np
 from pcjax.checks import check_count
 from pcjax.importing import xr
 from pcjax.model.bodies.base import Body
-from pcjax.model.checking import check_geometry
 from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.base import Drive
 from pcjax.model.hand import HandDesign, full_cage
@@ -25,7 +24,7 @@ from pcjax.results.provenance import conditions, provenance
 from pcjax.results.schema import INDICES, WATCHED, dataset_of
 from pcjax.simulate.batch import run
 from pcjax.simulate.choose import choose_engine
-from pcjax.simulate.engine import Engine
+from pcjax.simulate.engine import Engine, How
 from pcjax.simulate.outcomes import LIMIT, Outcomes
 from pcjax.study.spec import Run, Study
 from pcjax.units import check_units, doubts_of_gravity, doubts_of_model_units
@@ -116,12 +115,13 @@ class Experiment:
         self.study = study
         self._scenarios = study.scenarios()
         for scenario in self._scenarios.values():
-            check_geometry(scenario)
+            scenario.check()
         self._engines = [
             choose_engine(run_as.engine, run_as.dt, scenario)
             for scenario in self._scenarios.values()
         ]
         self._outcomes: Outcomes | None = None
+        self._opinions: dict[str, float] = {}
         self._seconds = 0.0
 
     @property
@@ -144,9 +144,19 @@ class Experiment:
                 progress=progress,
             )
             self._outcomes = more if self._outcomes is None else self._outcomes.joined(more)
+            self._ask_again()
         self._seconds += time.perf_counter() - began
         assert self._outcomes is not None
         return Evaluation.from_outcomes(self._scenarios, self._outcomes, self._settings())
+
+    def _ask_again(self) -> None:
+        """What the engines say of their own accuracy."""
+        assert self._outcomes is not None
+        run_as = self.study.run
+        how = How(0, run_as.seed, run_as.precision, None, None, False, None, None)
+        for k, (direction, scenario) in enumerate(self._scenarios.items()):
+            found = self._engines[k].second_opinion(scenario, self._outcomes.of([k]), how)
+            self._opinions |= {f"{direction}_{name}": value for name, value in found.items()}
 
     def _settings(self) -> dict[str, Any]:
         study, missing = self.study, self.study.why_no_eoen
@@ -160,6 +170,7 @@ class Experiment:
             "length_unit": study.units,
             "wall_seconds": self._seconds,
             **({"precision_target": target} if target is not None else {}),
+            **self._opinions,
             **({"no_eoen": missing} if missing else {}),
             **as_attribute(study),
         }
@@ -225,7 +236,7 @@ def evaluate_grid(
     """
     check_count("trials", trials, 2, 2**31 - 1)
     check_units(units)
-    gaps = [check_geometry(scenario) for scenario in scenarios]
+    gaps = [scenario.check() for scenario in scenarios]
     chosen = [choose_engine(engine, dt, scenario) for scenario in scenarios]
     began = time.perf_counter()
     outcomes = _run_each(

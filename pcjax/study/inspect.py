@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from pcjax.model.bodies.base import Body
-from pcjax.model.checking import check_geometry, geometry_of
+from pcjax.model.checking import geometry_of
 from pcjax.model.hand import full_cage, points_of
 from pcjax.model.scenario import DIRECTIONS, Scenario, why_no_eoen
 from pcjax.results.schema import NAMES
@@ -186,7 +186,7 @@ def _view(study: Study, direction: str) -> View:
     make, run = DIRECTIONS[direction], study.run
     scenario = make(study.hand, study.body, study.drive, study.law, run.start_spread)
     try:
-        gap = check_geometry(scenario)
+        gap = scenario.check()
         engine = choose_engine(run.engine, run.dt, scenario)
     except ValueError as error:
         return View(str(error))

@@ -12,12 +12,31 @@ from pathlib import Path
 from typing import Any
 
 from pcjax.results.files import read_plain
+from pcjax.study.spatial import SpatialReader, is_spatial
 from pcjax.study.spec import Study
 from pcjax.study.tables import Reader, is_number
-from pcjax.words import InputWarning, one_line
+from pcjax.words import InputWarning, did_you_mean, one_line
 
-EXAMPLE = (Path(__file__).parent / "example.toml").read_text(encoding="utf-8")
-"""A commented study that runs; `pcjax study --example` prints it."""
+_EXAMPLES = {"plane": "example.toml", "mujoco": "example_mujoco.toml"}
+
+
+def example(name: str = "plane") -> str:
+    """A commented study that runs, as text: of a hand in the plane, or "mujoco" for one in three
+    dimensions; `pcjax study --example` prints it.
+
+    Raises:
+        ValueError: there is no such example.
+    """
+    if name not in _EXAMPLES:
+        raise ValueError(
+            f"there is no example {name}: {did_you_mean(name, _EXAMPLES)}there are "
+            f"{', '.join(_EXAMPLES)}"
+        )
+    return (Path(__file__).parent / _EXAMPLES[name]).read_text(encoding="utf-8")
+
+
+EXAMPLES = tuple(_EXAMPLES)
+"""Names of the examples."""
 
 
 def _named(problem: str) -> tuple[str, str]:
@@ -100,7 +119,8 @@ def read_study(
             others = {_without_unit(key) for key in keys}
             kept = {k: v for k, v in data[table].items() if _without_unit(k) not in others}
             data[table] = {**kept, **keys}
-    reader = Reader(data)
+    folder = Path() if path is None else Path(path).parent
+    reader = SpatialReader(data, folder) if is_spatial(data) else Reader(data)
     try:
         study = reader.study()
     except ValueError as error:

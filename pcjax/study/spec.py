@@ -7,7 +7,7 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 from pcjax.checks import check_between, check_count, check_kind
 from pcjax.components import Component, Quantity, quantities, usual_in
@@ -18,6 +18,7 @@ from pcjax.model.contact import ContactLaw
 from pcjax.model.drives.base import DRIVES, Drive
 from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.hand import HandDesign
+from pcjax.model.layout import Place
 from pcjax.model.presets import HANDS
 from pcjax.model.scenario import (
     DIRECTIONS,
@@ -26,9 +27,10 @@ from pcjax.model.scenario import (
     default_direction,
     usual_max_steps,
 )
+from pcjax.quality.task import Task
 from pcjax.simulate.choose import check_engine
 from pcjax.simulate.engine import Engine
-from pcjax.study.vary import change
+from pcjax.study.vary import change, full_name, unit_of
 from pcjax.study.write import hand_table, text_of
 from pcjax.units import check_units
 
@@ -269,6 +271,8 @@ class Study:
     units: str = "model"
     objective: Objective = field(default_factory=Objective)
 
+    task_kind: ClassVar[type[Task]] = Task
+
     def __post_init__(self) -> None:
         check_units(self.units)
         for name, usual in (("drive", WristTilt), ("law", ContactLaw)):
@@ -385,6 +389,25 @@ class Study:
             study = replace(study, hand=hand, body=body, drive=drive, law=law, run=run)
         return study
 
+    def places_ahead(self) -> list[Place]:
+        """What checks will look at of the hand: that of many studies is worked out together in
+        little more time than of one."""
+        hand, spread = self.hand, self.run.start_spread
+        radius = self.body.radius + 0.5 * hand.thickness
+        found: list[Place] = [(hand, radius, spread)]
+        if self.run.direction != "does" and min(map(len, hand.lengths)) > 1:
+            mirrored = hand.with_fingertips_mirrored()
+            found += [(mirrored, radius, spread), (hand, 0.0, 0.0), (mirrored, 0.0, 0.0)]
+        return found
+
+    def unit_of(self, name: str) -> str:
+        """The unit of a number that can be swept."""
+        return unit_of(name, self.components, self.units)
+
+    def full_name(self, name: str) -> str:
+        """A component's number as files name it, from what one types."""
+        return full_name(name, self.components)
+
     def objective_studies(self) -> list[Study]:
         """This study in each condition that its objective names, in their order; itself alone where
         it names none.
@@ -408,20 +431,27 @@ class Study:
             found.append(study)
         return found
 
+    def tables(self) -> dict[str, Mapping[str, Any]]:
+        """What is tried, as the tables of a file."""
+        return {
+            "units": {"length": self.units},
+            "hand": hand_table(self.hand),
+            "body": {"kind": BODIES.kind_of(self.body)} | self.body.as_table(),
+            "drive": {"kind": DRIVES.kind_of(self.drive)} | self.drive.as_table(),
+            "contact": self.law.as_table(),
+        }
+
+    def run_table(self) -> dict[str, Any]:
+        """How it is tried, as a table."""
+        return self.run.as_table()
+
     def to_toml(self) -> str:
         """The study as a file's text; lengths in its units, angles in degrees.
 
         Raises:
             ValueError: the body, the drive or the engine is of a class that is not registered.
         """
-        tables = {
-            "units": {"length": self.units},
-            "hand": hand_table(self.hand),
-            "body": {"kind": BODIES.kind_of(self.body)} | self.body.as_table(),
-            "drive": {"kind": DRIVES.kind_of(self.drive)} | self.drive.as_table(),
-            "contact": self.law.as_table(),
-            "run": self.run.as_table(),
-        }
+        tables = self.tables() | {"run": self.run_table()}
         if self.objective != Objective():
             tables["objective"] = {
                 **{k: list(v) for k, v in self.objective.over.items()},

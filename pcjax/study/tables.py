@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, replace
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -45,6 +45,11 @@ class Reader:
         doubts: what is strange about the angles and units read so far, a line each.
     """
 
+    TABLES: ClassVar[tuple[str, ...]] = (
+        "units", "hand", "body", "drive", "contact", "run", "objective", "sweep",
+    )  # fmt: skip
+    usual_units: ClassVar[str] = "model"
+
     def __init__(self, data: Mapping[str, Any]):
         self.data = data
         self.units = "model"
@@ -62,17 +67,10 @@ class Reader:
         Raises:
             ValueError: an unknown or missing key, or a value that does not do.
         """
-        self.known(
-            "",
-            self.data,
-            ("units", "hand", "body", "drive", "contact", "run", "objective", "sweep"),
-        )
+        self.known("", self.data, self.TABLES)
         self.table("units", ("length",))
-        self.units = self.word("units", "length", UNITS, "model")
-        drive = self.drive()
-        hand = self.hand(drive)
-        study = Study(hand, self.body(hand, drive), drive, self.law(), self.run(), units=self.units)
-        self.doubt_units(study)
+        self.units = self.word("units", "length", UNITS, self.usual_units)
+        study = self.parts()
         sweep = self.sweep()
         if sweep is not None:
             for name, values in sweep.values.items():
@@ -88,6 +86,14 @@ class Reader:
         except ValueError as error:
             raise ValueError(f"[objective] {error}") from None
         return replace(study, objective=objective, sweep=sweep)
+
+    def parts(self) -> Study:
+        """The study, without what it sweeps."""
+        drive = self.drive()
+        hand = self.hand(drive)
+        study = Study(hand, self.body(hand, drive), drive, self.law(), self.run(), units=self.units)
+        self.doubt_units(study)
+        return study
 
     def doubt_units(self, study: Study) -> None:
         """Takes down what is strange about the unit of lengths."""
@@ -161,6 +167,8 @@ class Reader:
             value = self.flag(where, key)
         elif what.kind is int:
             value = self.count(where, key)
+        elif what.kind is str:
+            value = self.text(where, key)
         elif what.many:
             value = self.places(where, key)
         elif what.count is None:
@@ -358,6 +366,12 @@ class Reader:
             raise ValueError(
                 f"[{where}] {key} is {value!r}: {hint}it has to be {' or '.join(names)}"
             )
+        return value
+
+    def text(self, where: str, key: str) -> str:
+        value = self.table(where)[key]
+        if not isinstance(value, str):
+            raise ValueError(f"[{where}] {key} is {value!r}: it has to be a text")
         return value
 
     def numbers(self, where: str, key: str, count: int) -> tuple[float, ...]:

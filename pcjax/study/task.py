@@ -17,7 +17,7 @@ def task_of(study: Study) -> Task:
     if study.directions == ("eoen",):
         raise ValueError("the score or DoEs can be looked at, EoEn alone makes no better hand")
     first, *others = (
-        Task(
+        one.task_kind(
             one.body,
             one.drive,
             study.directions,

@@ -32,7 +32,7 @@ def names(components: Mapping[str, Component]) -> dict[str, tuple[str, Quantity]
         what.file_key: (table, what)
         for table, component in components.items()
         for what in quantities(type(component)).values()
-        if what.key and what.count is None and what.kind is not bool
+        if what.key and what.count is None and what.kind in (int, float)
     }
 
 

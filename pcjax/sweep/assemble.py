@@ -19,7 +19,6 @@ from pcjax.results.provenance import conditions, provenance
 from pcjax.results.schema import INDICES, STATISTICS, WATCHED, dataset_of
 from pcjax.simulate.outcomes import STATUS_NAMES, Outcomes
 from pcjax.study.spec import Study
-from pcjax.study.vary import unit_of
 from pcjax.sweep.plan import Part, Plan
 
 
@@ -132,7 +131,7 @@ def _along_swept(values: Mapping[str, np.ndarray], plan: Plan) -> xr.Dataset:
     """The dataset with the swept numbers as its dimensions, or as labels of its conditions."""
     study, sweep = plan.study, plan.study.sweep
     assert sweep is not None
-    units = {name: {"units": unit_of(name, study.components, study.units)} for name in sweep.values}
+    units = {name: {"units": study.unit_of(name)} for name in sweep.values}
     place, shape = list(sweep.values), [len(line) for line in sweep.values.values()]
     if sweep.zipped:
         place, shape = ["condition"], [len(plan.points)]

@@ -9,8 +9,7 @@ from typing import Any
 import jax
 
 from pcjax.checks import check_count
-from pcjax.model.checking import check_geometry
-from pcjax.model.layout import Place, geometries_of
+from pcjax.model.layout import geometries_of
 from pcjax.model.scenario import Scenario
 from pcjax.simulate.batch import run, usual_block
 from pcjax.simulate.choose import choose_engine
@@ -187,19 +186,8 @@ def _looked_ahead(
     """The conditions; what their hands look like is worked out for many at once."""
     for start in range(0, len(conditions), _AHEAD):
         some = conditions[start : start + _AHEAD]
-        geometries_of([place for _, study in some for place in _places(study)])
+        geometries_of([place for _, study in some for place in study.places_ahead()])
         yield from some
-
-
-def _places(study: Study) -> list[Place]:
-    """What checks will look at, hand by hand."""
-    hand, spread = study.hand, study.run.start_spread
-    radius = study.body.radius + 0.5 * hand.thickness
-    found: list[Place] = [(hand, radius, spread)]
-    if study.run.direction != "does" and min(map(len, hand.lengths)) > 1:
-        mirrored = hand.with_fingertips_mirrored()
-        found += [(mirrored, radius, spread), (hand, 0.0, 0.0), (mirrored, 0.0, 0.0)]
-    return found
 
 
 def _each(study: Study) -> list[tuple[str, Scenario]]:
@@ -207,7 +195,7 @@ def _each(study: Study) -> list[tuple[str, Scenario]]:
 
 
 def _cell(study: Study, scenario: Scenario) -> Cell:
-    gap = check_geometry(scenario)
+    gap = scenario.check()
     return Cell(scenario, choose_engine(study.run.engine, study.run.dt, scenario), gap)
 
 

@@ -29,7 +29,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle as Disc
 
 from pcjax.checks import check_between
-from pcjax.model.checking import check_geometry
 from pcjax.model.scenario import Scenario, usual_max_steps
 from pcjax.physics.state import INVALID, PASSED
 from pcjax.progress import progress_bar
@@ -136,7 +135,7 @@ def animate(
             f"{seconds:g} s at speed {speed:g} and {fps:g} fps are {count} frames: "
             f"there may be 1 to {_MOST_FRAMES}"
         )
-    check_geometry(scenario)
+    scenario.check()
     check_in_sight(scenario.drive)
     if max_steps is None:
         max_steps = usual_max_steps(scenario.body, scenario.drive)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pcjax.design.parameters import Limit, linear_limit
-from pcjax.model.checking import check_geometry
 from pcjax.model.hand import HandDesign
 from pcjax.study.spec import Study
 from pcjax.units import with_unit
@@ -94,7 +93,7 @@ def problem_of(study: Study) -> str:
     """Why a study cannot be evaluated; else ""."""
     try:
         for scenario in study.scenarios().values():
-            check_geometry(scenario)
+            scenario.check()
     except ValueError as error:
         return str(error)
     return ""

@@ -1,0 +1,1 @@
+"""Hands in three dimensions, from MJCF and URDF files, and what they hold."""
