@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import pcjax
+from experiments.plane3d import compared, flat
 from pcjax import spatial
 from pcjax.cli import main
 from pcjax.model.spatial.bodies import Solid, centred_hull
@@ -470,3 +471,15 @@ def test_the_command_evaluates_the_example(tmp_path: Path, capfd: pytest.Capture
     told = json.loads(out)
     assert told["engine"] == "mujoco"
     assert told["status"]["does"]["invalid"] == 0
+
+
+@pytest.mark.parametrize("direction", ["does", "eoen"])
+def test_a_hand_of_the_plane_is_the_same_in_three_dimensions(tmp_path: Path, direction: str):
+    # The same draws: nearly every trial ends within .1 s of the event engine's.
+    hand = pcjax.box_hand(math.radians(30), gap_width=300.0, thickness=10.0)
+    both = flat(hand, 25.0, direction, tmp_path)
+    plane, space, wrong = compared(both, 40, 40.0, 0.008)
+    assert wrong == 0
+    assert np.mean(np.abs(plane - space) < 0.1) > 0.85
+    assert np.corrcoef(plane, space)[0, 1] > 0.9
+    assert (plane < 40).sum() >= 3
