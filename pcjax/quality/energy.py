@@ -182,7 +182,7 @@ def energy_of(scenario: Scenario, tilts: int = TILTS) -> EscapeEnergy:
     check_count("tilts", tilts, 4, 36_000)
     gap = check_geometry(scenario)
     begins, held = _gravities(scenario.drive)
-    landscape = _landscape(scenario)
+    landscape = landscape_for(scenario)
     if full_cage(gap, float(scenario.body.width)):
         landscape = replace(landscape, exits=landscape.exits[:0])
     each = 2 * math.pi * (1 + np.arange(tilts)) / tilts - math.pi
@@ -209,7 +209,8 @@ def energy_of(scenario: Scenario, tilts: int = TILTS) -> EscapeEnergy:
     )
 
 
-def _landscape(scenario: Scenario) -> Landscape:
+def landscape_for(scenario: Scenario) -> Landscape:
+    """The free space of a condition's object, for plain numbers that `pcjax.evaluate` takes."""
     body, half = scenario.body, 0.5 * float(scenario.hand.thickness)
     outer = float(body.radius)
     # What has no thickness is held off limbs all the same.

@@ -40,6 +40,7 @@ _TOUCH = 1e-9
 
 Points = Float[np.ndarray, "points 2"]
 Point = Float[np.ndarray, "2"]
+Outline = Float[np.ndarray, "_ 2"]
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ class Landscape:
     points: Points
     near: tuple[tuple[int, ...], ...]
     exits: Int[np.ndarray, " exits"]
-    outlines: tuple[Points, ...]
+    outlines: tuple[Outline, ...]
     sides: tuple[tuple[_Places, _Places], ...]
     tolerance: float
 
@@ -189,7 +190,8 @@ def landscape_of(hand: HandDesign, inner: float, outer: float, starts: Points) -
         near[a] |= {b, c}
         near[b] |= {c, a}
         near[c] |= {a, b}
-    tree = shapely.STRtree(list(shapely.polygons(points[triangles])))
+    cells: Any = shapely.polygons(points[triangles])
+    tree = shapely.STRtree(cells)
 
     def placed(at: Points) -> _Places:
         return _Places(at, triangles[tree.nearest(shapely.points(at))])
@@ -253,7 +255,7 @@ def _check_shapely() -> None:
         raise ValueError("energies need the package shapely: pip install 'pcjax[energy]'")
 
 
-def pool_of(landscape: Landscape, climb: Climb, direction: Point) -> tuple[Points, Points]:
+def pool_of(landscape: Landscape, climb: Climb, direction: Point) -> tuple[Outline, Outline]:
     """The outline of what is no higher than the saddle and hangs together with the place of rest,
     and the way out without the corners that it can do without there.
 
