@@ -4,7 +4,7 @@
   200 on the arm: rank correlations of index 1, by 1,000 trials on shared draws, with energies and
   with the gap alone. Keeps `results/energy.csv` and draws `results/energy.png`.
 - `starts`: the default search of `benchmarks.optimisers` from the given starts against searches
-  that know the energies of a thousand designs. Keeps `results/energy_starts.csv`.
+  that know the energies of 500 designs, half as long. Keeps `results/energy_starts.csv`.
 """
 
 from __future__ import annotations
@@ -14,25 +14,29 @@ import csv
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
-from scipy.stats import qmc, spearmanr
+from scipy.stats import qmc, rankdata
 
-from benchmarks.optimisers import EACH_TIP
+from benchmarks.optimisers import EACH_TIP, Problem, problems
+from pcjax.design.belief import Belief
+from pcjax.design.checkpoint import Progress
+from pcjax.design.compare import compare
 from pcjax.design.gaussian import Points
-from pcjax.design.space import DesignSpace, design_space
+from pcjax.design.modelled import Search
+from pcjax.design.space import Design, DesignSpace, design_space
 from pcjax.model.bodies.base import Body
 from pcjax.model.bodies.circle import Circle
 from pcjax.model.drives.arm import PlanarArm
 from pcjax.model.drives.base import Drive
 from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.presets import box_hand, two_joint_hand
-from pcjax.quality.energy import energy_of
+from pcjax.quality.energy import energy_of, landscape_for
 from pcjax.quality.task import Task
 from pcjax.study.evaluate import evaluate
 
@@ -77,7 +81,7 @@ def settings() -> list[Setting]:
     return [
         Setting(
             "wrist",
-            design_space(box_hand(), WRIST, circle.width),
+            design_space(box_hand(), WRIST, 50.0),
             circle,
             WristTilt(),
             ("does", "eoen"),
@@ -85,7 +89,7 @@ def settings() -> list[Setting]:
         ),
         Setting(
             "arm",
-            design_space(two_joint_hand(), ARM, large.width),
+            design_space(two_joint_hand(), ARM, 100.0),
             large,
             PlanarArm(),
             ("does",),
@@ -114,6 +118,7 @@ MEASURES = {
     "least": "climb from rest, least of all tilts",
     "opens_deg": "tilt at which a start needs no climb",
     "clearance": "gap less the object's width, negated",
+    "both": "the first and the last, by a fit to all other hands",
 }
 """Columns and what they are; of each a larger one should keep the object better."""
 
@@ -166,33 +171,50 @@ def ranks(hands: int, trials: int) -> list[dict[str, Any]]:
     return rows
 
 
+def rank_correlation(x: Float[np.ndarray, " hands"], y: Float[np.ndarray, " hands"]) -> float:
+    """Spearman's."""
+    return float(np.corrcoef(rankdata(x), rankdata(y))[0, 1])
+
+
 def correlation(
     x: Float[np.ndarray, " hands"], y: Float[np.ndarray, " hands"], draws: int = 2000
 ) -> tuple[float, float, float]:
     """Spearman's rank correlation and its 95 % interval, by resampling hands."""
     rng, all_of_them = np.random.default_rng(0), np.arange(len(x))
     resampled = [
-        float(spearmanr(x[at], y[at]).statistic)
+        rank_correlation(x[at], y[at])
         for at in (rng.choice(all_of_them, len(x)) for _ in range(draws))
     ]
     low, high = np.nanpercentile(resampled, [2.5, 97.5])
-    return float(spearmanr(x, y).statistic), float(low), float(high)
+    return rank_correlation(x, y), float(low), float(high)
 
 
 def groups_of(rows: Sequence[dict[str, Any]]) -> dict[str, dict[str, Float[np.ndarray, " hands"]]]:
     """Columns by drive and what is ranked; the score is ranked by ratios."""
     found: dict[str, dict[str, Any]] = {}
+    known = ("index1", *MEASURES)
     for drive, direction in (("wrist", "does"), ("wrist", "eoen"), ("arm", "does")):
         mine = [row for row in rows if (row["drive"], row["direction"]) == (drive, direction)]
         name = f"{drive}, {'DoEs' if direction == 'does' else 'EoEn'}"
         found[name] = {
-            key: np.array([float(row[key]) for row in mine]) for key in ("index1", *MEASURES)
+            key: np.array([float(row[key]) for row in mine]) for key in mine[0] if key in known
         }
+        found[name]["both"] = foretold(found[name])
     does, eoen = found["wrist, DoEs"], found["wrist, EoEn"]
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = {key: does[key] / eoen[key] for key in ("index1", *MEASURES)}
+        ratios = {key: does[key] / eoen[key] for key in known}
+    ratios = {key: ratio for key, ratio in ratios.items() if np.isfinite(ratio).all()}
     found["wrist, score"] = ratios | {"clearance": does["clearance"]}
     return found
+
+
+def foretold(group: dict[str, Float[np.ndarray, " hands"]]) -> Float[np.ndarray, " hands"]:
+    """Index 1 of each hand from the mean energy and the clearance, by a product of powers of both
+    that is fitted to all other hands."""
+    logs = [np.ones(len(group["mean"])), np.log(group["mean"]), np.log(-group["clearance"])]
+    columns, index = np.column_stack(logs), np.log(group["index1"])
+    hat = columns @ np.linalg.pinv(columns)
+    return np.exp(index - (index - hat @ index) / (1 - np.diag(hat)))
 
 
 def draw(rows: Sequence[dict[str, Any]], table: Sequence[dict[str, Any]]) -> Figure:
@@ -207,7 +229,7 @@ def draw(rows: Sequence[dict[str, Any]], table: Sequence[dict[str, Any]]) -> Fig
                     group["mean"], group["index1"], "os^"[k], ms=3.5, label=name.split(", ")[1]
                 )
         axis.set(
-            xlabel="energy over weight from rest, mean over tilts [length]",
+            xlabel="mean energy over weight from rest [length]",
             ylabel="index 1 [steps]",
             title=drive,
         )
@@ -216,7 +238,8 @@ def draw(rows: Sequence[dict[str, Any]], table: Sequence[dict[str, Any]]) -> Fig
     last = axes[-1]
     for k, name in enumerate(groups):
         mine = [row for row in table if row["of"] == name]
-        at = np.arange(len(mine)) + 0.18 * (k - 1.5)
+        places = [list(MEASURES).index(row["measure"]) for row in mine]
+        at = np.array(places) + 0.18 * (k - 1.5)
         value = np.array([row["rank"] for row in mine])
         ends = np.array([[row["low"], row["high"]] for row in mine]).T
         last.errorbar(value, at, xerr=np.abs(ends - value), fmt="os^D"[k], ms=4, lw=1, label=name)
@@ -240,8 +263,119 @@ def tabled(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
         {"of": name, "measure": key, **dict(zip(("rank", "low", "high"), found, strict=True))}
         for name, group in groups_of(rows).items()
         for key in MEASURES
+        if key in group
         for found in [correlation(group[key], group["index1"])]
     ]
+
+
+# ------------------------------------------------------------------------------------------ starts
+
+CANDIDATES, LOOKS = 500, 16
+"""Designs whose energies are known, and at how many tilts."""
+
+PROBLEMS = ("box, 3", "asymmetric tips, 5", "arm with lengths, 4", "asymmetric, index 2, 6")
+
+
+def promise(problem: Problem, designs: Points) -> Float[np.ndarray, " designs"]:
+    """What energies and gaps say of a problem's objective: the logarithm of the mean energy over
+    the clearance of DoEs, less that of EoEn where the score counts."""
+    task, held, found = problem.surrogate.task, {}, []
+    tilts = 2 * math.pi * np.arange(LOOKS) / LOOKS - math.pi
+    for design in designs:
+        hand, value = problem.space.hand(design), 0.0
+        for sign, scenario in zip((1, -1), task.scenarios(hand), strict=False):
+            if sign not in held:
+                known = energy_of(scenario, 4)
+                held[sign] = known.held_tilts, np.hypot(*known.held.T)
+            land, (at, share) = landscape_for(scenario), held[sign]
+            down = np.stack([np.sin(tilts), -np.cos(tilts)], axis=1)
+            climbs = [land.climb(one).from_rest for one in down]
+            mean = np.mean(share * np.interp(at, tilts, climbs, period=2 * math.pi))
+            clearance = float(hand.gap()) - problem.space.width
+            value += sign * (math.log(mean + 1e-9) - math.log(clearance + 1e-9))
+        found.append(value)
+    return np.array(found)
+
+
+@dataclass(frozen=True)
+class Told(Search):
+    """A search whose first round has designs that were chosen for it."""
+
+    chosen: Any = None
+
+    def first(self, begun: Design) -> Points:
+        """Where it begins, and these."""
+        count = len(super().first(begun))
+        return np.concatenate([begun[None], self.chosen])[:count]
+
+
+def searched(problem: Problem, search: Search) -> Design:
+    """The best design that a search has tried in the problem's time."""
+    until, belief = time.process_time() + problem.seconds, Belief(problem.surrogate)
+    begun = problem.space.design_of(problem.space.base)
+    state = Progress([[]], [list(map(float, begun))], [])
+    while not belief.batches or time.process_time() < until:
+        state = search.round(belief, state)
+    return np.array(state.designs[0])
+
+
+def ends_of(problem: Problem, seed: int) -> tuple[dict[str, Design], float]:
+    """Ends of each kind of search from one start, and what the energies cost, s."""
+    space = problem.space
+    began = time.process_time()
+    designs = allowed_designs(space, problem.surrogate.task, CANDIDATES, seed)
+    designs = designs[np.argsort(-promise(problem, designs))]
+    cost = time.process_time() - began
+    best = replace(problem, space=replace(space, base=space.hand(designs[0])))
+    plain = Search(problem.surrogate, space, seed)
+    top = plain.place(designs[:64])
+    return {
+        "given": searched(problem, plain),
+        "best energy": searched(best, Search(best.surrogate, best.space, seed)),
+        "64 best energies": searched(problem, Told(problem.surrogate, space, seed, top)),
+        "best energy, untried": designs[0],
+    }, cost
+
+
+def starts(scale: float) -> list[dict[str, Any]]:
+    """Ends of searches in the benchmark's time, on trials that none of them has used. Energies cost
+    no time here: what they save at best."""
+    rows: list[dict[str, Any]] = []
+    for problem in problems():
+        if problem.name not in PROBLEMS:
+            continue
+        problem = replace(problem, seconds=scale * problem.seconds)
+        ends, mine = [], []
+        searched(
+            replace(problem.start(0), seconds=0.1),
+            Search(problem.surrogate, problem.start(0).space, 0),
+        )  # compiles
+        for start in range(len(problem.starts)):
+            found, cost = ends_of(problem.start(start), 1000 * start)
+            ends += found.values()
+            mine += [
+                {
+                    "problem": problem.name,
+                    "start": start,
+                    "kind": kind,
+                    "energies_s": cost,
+                    "search_s": problem.seconds,
+                }
+                for kind in found
+            ]
+        final = compare(problem.surrogate, problem.space, ends, trials=5000, seed=UNSEEN)
+        top = int(np.argmax(final.logs))
+        for k, row in enumerate(mine):
+            pair = np.zeros(len(ends))
+            pair[k] += 1.0
+            pair[top] -= 1.0
+            row["to_best"] = float(final.logs[k] - final.logs[top])
+            row["se"] = math.sqrt(max(pair @ final.covariance @ pair, 0.0))
+        rows += mine
+        for kind in dict.fromkeys(row["kind"] for row in mine):
+            each = [100 * row["to_best"] for row in mine if row["kind"] == kind]
+            print(f"{problem.name}: {kind}: {np.mean(each):.2f} % {np.round(each, 2)}", flush=True)
+    return rows
 
 
 def keep(rows: Sequence[dict[str, Any]], path: Path) -> None:
@@ -257,10 +391,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--hands", type=int, default=200)
     parser.add_argument("--trials", type=int, default=1000)
-    parser.add_argument("--draw", action="store_true", help="only draw what is kept")
+    parser.add_argument("--scale", type=float, default=0.5, help="factor on the searches' time")
+    parser.add_argument("--only", choices=("ranks", "starts", "draw"), help="one part")
     arguments = parser.parse_args()
+    if arguments.only in (None, "starts"):
+        keep(starts(arguments.scale), RESULTS / "energy_starts.csv")
+    if arguments.only == "starts":
+        return
     kept = RESULTS / "energy.csv"
-    if not arguments.draw:
+    if arguments.only != "draw":
         keep(ranks(arguments.hands, arguments.trials), kept)
     with kept.open(newline="") as file:
         rows = list(csv.DictReader(file))

@@ -1,4 +1,4 @@
-"""Escape energies: closed forms, symmetry, a fine grid's watersheds, thrown objects, the command."""
+"""Escape energies: closed forms, symmetry, watersheds of a fine grid, thrown objects, commands."""
 
 from __future__ import annotations
 

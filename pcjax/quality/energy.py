@@ -11,10 +11,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from pcjax.checks import check_count
-from pcjax.geometry import Vec
+from pcjax.geometry import Scalar
 from pcjax.model.bodies.base import Body
 from pcjax.model.bodies.outline import SKIN
 from pcjax.model.checking import check_geometry
@@ -256,19 +256,22 @@ def _gravities(drive: Drive) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, 
         raise ValueError("gravity is 0: there is no height to climb against it")
     with jax.enable_x64(True):
         draws = jnp.asarray(_spread(int(drive.targets_per_period)))
-        exact: Drive = jax.tree.map(float, drive)
+        begins, held = jax.device_get(_seen(jax.tree.map(float, drive), draws))
+    return np.stack(begins) / float(full), np.stack(held, axis=-1) / float(full)
 
-        def held(draw: jax.Array) -> Vec:
-            profile = exact.profile(draw, draw, jnp.asarray(False))
-            return exact.gravity_seen(profile, float(exact.period))
 
-        begun = exact.profile(draws[0], draws[0], jnp.asarray(True))
-        first = exact.gravity_seen(begun, 0.0)
-        pulls = jax.device_get(jax.vmap(held)(draws))
-    return (
-        np.array([float(first.x), float(first.y)]) / float(full),
-        np.stack(np.broadcast_arrays(pulls.x, pulls.y), axis=-1) / float(full),
-    )
+@jax.jit
+def _seen(drive: Drive, draws: Float[Array, "draws targets"]) -> tuple[Any, Any]:
+    """Gravity as a trial begins, and at the end of a period with each of some draws."""
+
+    def held(draw: Float[Array, " targets"]) -> tuple[Scalar, Scalar]:
+        profile = drive.profile(draw, draw, jnp.asarray(False))
+        pull = drive.gravity_seen(profile, jnp.asarray(drive.period, float))
+        return pull.x, pull.y
+
+    first = drive.profile(draws[0], draws[0], jnp.asarray(True))
+    begins = drive.gravity_seen(first, jnp.zeros(()))
+    return (begins.x, begins.y), jax.vmap(held)(draws)
 
 
 @functools.cache
