@@ -40,22 +40,22 @@ def test_climbs_out_of_the_box_hand(tip: float) -> None:
     """Palm and lids at y = 0 and 500, walls at x = +-250, tips of 100 hung at x = +-100."""
     found = pcjax.energy(pcjax.box_hand(math.radians(tip)), CIRCLE)
     s, c = math.sin(math.radians(tip)), math.cos(math.radians(tip))
-    close = {"abs": found.landscape.tolerance}
+    close = found.landscape.tolerance
     assert found.exact
     # From the palm to the line between the tips' joints.
-    assert climb(found, 0) == pytest.approx(500 - 25, **close)
+    assert climb(found, 0) == pytest.approx(500 - 25, abs=close)
     # Out of the pocket between lid and tip, below the tip's end.
-    assert climb(found, 180) == pytest.approx(100 * c, **close)
+    assert climb(found, 180) == pytest.approx(100 * c, abs=close)
     # From the wall to beside the tip's end.
-    assert climb(found, 90) == pytest.approx(225 - (100 - 100 * s - 25), **close)
+    assert climb(found, 90) == pytest.approx(225 - (100 - 100 * s - 25), abs=close)
     # From the corner: to the end of the goal line where the object fits beside the tip.
     free = 100 - 25 / c
     for tilt in (10, 18):
         along, up = 225 - free, 500 - 25
         far = up * math.cos(math.radians(tilt)) + along * math.sin(math.radians(tilt))
-        assert climb(found, tilt) == pytest.approx(far, **close)
+        assert climb(found, tilt) == pytest.approx(far, abs=close)
     # Starts are in the middle of a square of 50 from (-+225, 25) on.
-    assert found.at(0.0).from_start == pytest.approx(500 - 50, **close)
+    assert found.at(0.0).from_start == pytest.approx(500 - 50, abs=close)
     # The left start is as high as the goal line's right end, where the object fits.
     opens = math.atan2(500 - 50, 200 + free)
     np.testing.assert_allclose(found.opens, (-opens, opens), atol=1e-4)
@@ -174,12 +174,12 @@ class Grid:
         """The least level up to which a place hangs together with the goal line."""
         free = self.inside & (self.away >= radius)
         height = self.y * math.cos(tilt) - self.x * math.sin(tilt)
-        start = np.unravel_index(
-            np.argmin((self.x - place[0]) ** 2 + (self.y - place[1]) ** 2), self.x.shape
-        )
+        near = np.argmin((self.x - place[0]) ** 2 + (self.y - place[1]) ** 2)
+        start = divmod(int(near), self.x.shape[1])
 
         def open_at(level: float) -> bool:
-            labels: Any = ndimage.label(free & (height <= level), np.ones((3, 3)))[0]
+            found: Any = ndimage.label(free & (height <= level), np.ones((3, 3)))
+            labels = found[0]
             mine = labels[start]
             return bool(mine > 0 and np.any(labels[self.exit] == mine))
 
@@ -343,7 +343,8 @@ def command(
             main(["energy", *words])
         except SystemExit as end:
             code = end.code
-        return code, *capfd.readouterr()
+        said = capfd.readouterr()
+        return code, said.out, said.err
 
     return run
 
@@ -351,7 +352,8 @@ def command(
 def test_the_command_says_what_python_does(command: Command, tmp_path: Path) -> None:
     study = pcjax.Study(pcjax.box_hand(0.0), CIRCLE)
     (tmp_path / "study.toml").write_text(study.to_toml())
-    code, out, err = command("study.toml", "--tilts", "24", "--json", "--plot", "energy.png")
+    code, out, err = command("study.toml", "--tilts", "24", "--json", "--plot", "energy.png",
+                             "--at", "0", "90", "180")  # fmt: skip
     told = json.loads(out)
     assert (code, err) == (0, "")
     assert imread(tmp_path / "energy.png").shape[0] > 800
@@ -400,6 +402,8 @@ def test_the_command_says_that_a_cage_is_full(command: Command, tmp_path: Path) 
         (["--gravity", "0"], ["gravity is 0"]),
         (["--radius", "200"], ["does not fit"]),
         (["missing.toml"], ["missing.toml"]),
+        (["--at", "90"], ["--at", "--plot"]),
+        (["--at", "nan", "--plot", "energy.png"], ["--at is nan"]),
         (["--plot", "energy.doc"], ["energy.doc", ".png"]),
     ],
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
@@ -22,18 +22,22 @@ from pcjax.model.drives.base import Drive
 from pcjax.model.hand import HandDesign, full_cage
 from pcjax.model.scenario import DIRECTIONS, Scenario
 from pcjax.quality.landscape import Climb, Landscape, landscape_of
+from pcjax.showing import Shown
 
 TILTS = 360
 """Directions of gravity unless a number is given: one a degree."""
+
+_FLAT = 1e-6
+"""Shares of gravity in the plane that are rounding."""
 
 _DRAWS = 4096
 """How many of a drive's targets stand for all."""
 
 
-@dataclass(frozen=True)
-class EscapeEnergy:
+@dataclass(frozen=True, repr=False)
+class EscapeEnergy(Shown):
     """How high an object has to climb to get out of a hand, for each direction of gravity; made by
-    `energy`.
+    `energy`; prints as a table.
 
     A climb is an energy over the object's weight, a length in the hand's unit, where all of gravity
     lies in the hand's plane. A wrist has only a part of it there, and the energy is that part of
@@ -59,6 +63,8 @@ class EscapeEnergy:
         landscape: the triangulated free space.
     """
 
+    drawn_by = "view.energy.plot_energy"
+
     scenario: Scenario
     exact: bool
     tilts: Float[np.ndarray, " tilts"]
@@ -68,7 +74,7 @@ class EscapeEnergy:
     lets_go: tuple[float, float]
     begins: Float[np.ndarray, "2"]
     held: Float[np.ndarray, "draws 2"]
-    landscape: Landscape = field(repr=False)
+    landscape: Landscape
 
     def at(self, tilt: float) -> Climb:
         """The way out at a tilt, radians."""
@@ -78,7 +84,7 @@ class EscapeEnergy:
     def begins_at(self) -> float:
         """The tilt as a trial begins, radians; 0 where gravity is then square to the plane."""
         x, y = self.begins.tolist()
-        return math.atan2(x, -y) if math.hypot(x, y) > 1e-6 else 0.0
+        return math.atan2(x, -y) if math.hypot(x, y) > _FLAT else 0.0
 
     @property
     def held_tilts(self) -> Float[np.ndarray, " draws"]:
@@ -94,6 +100,26 @@ class EscapeEnergy:
     def mean_from_start(self) -> float:
         """The same from a start."""
         return self._over_held(self.from_start)
+
+    def lines(self, name: str = "") -> list[str]:
+        """A table, line by line, with a name in its corner."""
+        told = self.as_json()
+        kinds = told["from_rest"], told["from_start"]
+        rows = [
+            (name, "from rest", "from a start"),
+            ("upright, 0 deg", *(_length(kind["upright"]) for kind in kinds)),
+            ("least of all tilts", *(_at(kind["least"]) for kind in kinds)),
+            ("most of all tilts", *(_at(kind["most"]) for kind in kinds)),
+            ("no climb from a tilt of", _tilts(told["lets_go_deg"]), _tilts(told["opens_deg"])),
+            ("mean over the drive's tilts", *(_length(kind["mean"]) for kind in kinds)),
+        ]
+        if np.hypot(*self.begins) > _FLAT:
+            begins = f"as a trial begins, {told['begins_tilt_deg']:.4g} deg"
+            rows.insert(2, (begins, *(_length(kind["begins"]) for kind in kinds)))
+        return [f"{label:30}{rest:>22}{start:>22}" for label, rest, start in rows]
+
+    def __repr__(self) -> str:
+        return "\n".join(self.lines())
 
     def as_json(self) -> dict[str, Any]:
         """Plain numbers for `--json`: angles in degrees, None for what is infinite or not there."""
@@ -219,6 +245,21 @@ def landscape_for(scenario: Scenario) -> Landscape:
     middles = [exact.start([end, 0.5, 0.5]) for end in (0.25, 0.75)]
     starts = np.array([[float(middle.x), float(middle.y)] for middle in middles])
     return landscape_of(scenario.hand, inner + half, outer + half, starts)
+
+
+def _length(value: float | None) -> str:
+    return "infinite" if value is None else f"{value:,.4g}"
+
+
+def _at(what: dict[str, Any]) -> str:
+    if what["climb"] is None:
+        return "infinite"
+    return f"{_length(what['climb'])} at {what['tilt_deg']:.4g} deg"
+
+
+def _tilts(degrees: list[float | None]) -> str:
+    there = [f"{tilt:+.1f}" for tilt in degrees if tilt is not None]
+    return f"{' and '.join(there)} deg" if there else "none"
 
 
 def _plain(value: float) -> float | None:

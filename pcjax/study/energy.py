@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -43,46 +41,6 @@ def energy_table(found: Mapping[str, EscapeEnergy], units: str) -> str:
         found: by direction, from `energy_of_study`.
         units: of lengths (see `pcjax.units`).
     """
-    return (
-        "\n".join(line for d, one in found.items() for line in _lines(NAMES[d], one))
-        + "\n"
-        + ("\n".join(wrapped(note) for note in _notes(found, units)))
-    )
-
-
-def _lines(name: str, found: EscapeEnergy) -> list[str]:
-    told = found.as_json()
-    kinds = told["from_rest"], told["from_start"]
-    begins = f"as a trial begins, {told['begins_tilt_deg']:.4g} deg"
-    rows = [
-        (name, "from rest", "from a start"),
-        ("upright, 0 deg", *(_length(kind["upright"]) for kind in kinds)),
-        ("least of all tilts", *(_at(kind["least"]) for kind in kinds)),
-        ("most of all tilts", *(_at(kind["most"]) for kind in kinds)),
-        ("no climb from a tilt of", _tilts(told["lets_go_deg"]), _tilts(told["opens_deg"])),
-        ("mean over the drive's tilts", *(_length(kind["mean"]) for kind in kinds)),
-    ]
-    if math.hypot(*told["begins"]) > 1e-6:
-        rows.insert(2, (begins, *(_length(kind["begins"]) for kind in kinds)))
-    return [f"{label:30}{rest:>22}{start:>22}" for label, rest, start in rows]
-
-
-def _length(value: float | None) -> str:
-    return "infinite" if value is None else f"{value:,.4g}"
-
-
-def _at(what: dict[str, Any]) -> str:
-    if what["climb"] is None:
-        return "infinite"
-    return f"{_length(what['climb'])} at {what['tilt_deg']:.4g} deg"
-
-
-def _tilts(degrees: list[float | None]) -> str:
-    there = [f"{tilt:+.1f}" for tilt in degrees if tilt is not None]
-    return f"{' and '.join(there)} deg" if there else "none"
-
-
-def _notes(found: Mapping[str, EscapeEnergy], units: str) -> list[str]:
     first = next(iter(found.values()))
     notes = [
         f"climbs: energy over weight where gravity lies in the plane, {length_in_words(units)}; "
@@ -97,4 +55,5 @@ def _notes(found: Mapping[str, EscapeEnergy], units: str) -> list[str]:
     caged = [NAMES[d] for d, one in found.items() if np.isinf(one.from_rest).all()]
     if caged:
         notes.append(f"{' and '.join(caged)}: a full cage, nothing gets out")
-    return notes
+    tables = [line for direction, one in found.items() for line in one.lines(NAMES[direction])]
+    return "\n".join([*tables, *map(wrapped, notes)])

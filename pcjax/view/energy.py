@@ -26,7 +26,9 @@ _SECTORS = 36
 
 
 def plot_energy(
-    found: Mapping[str, EscapeEnergy], units: str = "model", at: Sequence[float] | None = None
+    found: EscapeEnergy | Mapping[str, EscapeEnergy],
+    units: str = "model",
+    at: Sequence[float] | None = None,
 ) -> Figure:
     """How high the object has to climb, by the tilt; and the hand at some tilts, gravity down, with
     the lowest way out.
@@ -36,7 +38,7 @@ def plot_energy(
     more it pulls there.
 
     Arguments:
-        found: by direction, from `pcjax.energy_of_study` or `pcjax.energy`.
+        found: from `pcjax.energy`, or by direction from `pcjax.energy_of_study`.
         units: of lengths (see `pcjax.units`), for the labels.
         at: tilts at which the hand is drawn, radians; unless given, as a trial begins and a quarter
             of a turn.
@@ -44,15 +46,16 @@ def plot_energy(
     Examples:
         >>> import pcjax
         >>> found = pcjax.energy(pcjax.box_hand(), pcjax.Circle(25.0))
-        >>> pcjax.plot_energy({"does": found}).savefig("energy.png")
+        >>> pcjax.plot_energy(found).savefig("energy.png")
     """
+    found = {"": found} if isinstance(found, EscapeEnergy) else found
     shown = 2 if at is None else len(at)
     figure = Picture(figsize=(4.4 + 3.7 * shown, 4.3 * len(found) + 0.5), layout="constrained")
     grid = figure.add_gridspec(len(found), shown + 1, width_ratios=[1.15] + [1.0] * shown)
     for row, (direction, one) in enumerate(found.items()):
         rose = figure.add_subplot(grid[row, 0], projection="polar")
         draw_climbs(rose, one, units)
-        rose.set_title(NAMES[direction], fontsize=11)
+        rose.set_title(NAMES.get(direction, ""), fontsize=11)
         tilts = (one.begins_at, math.pi / 2) if at is None else at
         for column, tilt in enumerate(tilts, start=1):
             draw_way_out(figure.add_subplot(grid[row, column]), one, tilt)
