@@ -206,7 +206,7 @@ def test_random_hands_have_the_watersheds_of_a_fine_grid() -> None:
     for case in fuzz.random_cases(150, 11):
         scenario = case.scenario
         radius = float(scenario.contact_radius)
-        grid = Grid(scenario, 160)
+        grid = Grid(scenario, 140)
         if radius < 2 * grid.spacing or seen == 50:
             continue
         seen += 1

@@ -51,11 +51,13 @@ def plot_energy(
     found = {"": found} if isinstance(found, EscapeEnergy) else found
     shown = 2 if at is None else len(at)
     figure = Picture(figsize=(4.4 + 3.7 * shown, 4.3 * len(found) + 0.5), layout="constrained")
+    engine: Any = figure.get_layout_engine()
+    engine.set(h_pad=0.15)  # for the angles' labels, which it does not see
     grid = figure.add_gridspec(len(found), shown + 1, width_ratios=[1.15] + [1.0] * shown)
     for row, (direction, one) in enumerate(found.items()):
         rose = figure.add_subplot(grid[row, 0], projection="polar")
         draw_climbs(rose, one, units)
-        rose.set_title(NAMES.get(direction, ""), fontsize=11)
+        rose.set_title(NAMES.get(direction, ""), fontsize=11, loc="left", y=0.97)
         tilts = (one.begins_at, math.pi / 2) if at is None else at
         for column, tilt in enumerate(tilts, start=1):
             draw_way_out(figure.add_subplot(grid[row, column]), one, tilt)
@@ -98,6 +100,7 @@ def draw_climbs(axis: Axes, found: EscapeEnergy, units: str) -> None:
             axis.plot([tilt, tilt], [0, top], color=COLOURS[1], ls=":", lw=1.2)
     if np.isinf(found.from_rest).all():
         axis.text(0, 0, "a full cage:\nnothing gets out", ha="center", va="center")
+        axis.set_yticks([])
     axis.set_ylim(0, top)
     degrees = np.arange(0, 360, 45)
     names = [f"{degree if degree <= 180 else degree - 360}°" for degree in degrees]
