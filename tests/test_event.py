@@ -364,7 +364,7 @@ def test_a_pocket_as_wide_as_the_object_lets_it_in_in_both_precisions():
     hand = box_hand(0.0, gap_width=400.0)
 
     def ends(radius: float, precision: int) -> np.ndarray:
-        scenario = does(hand, pcjax.Circle(radius))
+        scenario = does(hand, Circle(radius))
         return run(
             [scenario],
             trials=300,
