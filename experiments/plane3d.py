@@ -57,8 +57,8 @@ class PalmEnds(spatial.StartBox):
 
 
 class OtherWay(spatial.Tilt):
-    """A tilt whose T2 has the other sign, as the mirror image of gravity has: in the plane the wrist's
-    draws are taken for that image's, which has the same law."""
+    """A tilt whose T2 has the other sign, as the mirror image of gravity has: in the plane the
+    wrist's draws are taken for that image's, which has the same law."""
 
     def angles(
         self,
