@@ -63,6 +63,9 @@ _SPREAD = 128
 """Designs spread over the space that are thought of in each round, and as many again that lie
 between them and the best, where the former are not allowed."""
 
+_AT_BOUND = 0.3
+"""Share of the numbers of those designs that are put to the nearer bound, in half of them."""
+
 _NEAR = 256
 """Designs near the best that are thought of in each round."""
 
@@ -300,8 +303,12 @@ class Search:
         self, belief: Belief, top: Points, good: Points, round: int, rng: np.random.Generator
     ) -> Points:
         """Designs to think of, all allowed: spread over the space, about the top ones, and these;
-        what is not allowed is drawn in towards a good one."""
+        what is not allowed is drawn in towards a good one. Half of those that are spread have some
+        of their numbers at a bound: the best often lies there, and none of a Sobol set does."""
         spread = self._spread(_SPREAD, round)
+        at_bound = rng.random(spread.shape) < _AT_BOUND
+        at_bound[: _SPREAD // 2] = False
+        spread = np.where(at_bound, np.round(spread), spread)
         near = top[rng.integers(len(top), size=_NEAR)]
         inside = np.concatenate([good[rng.integers(len(good), size=_SPREAD)], near])
         moves = _moves(near.shape, _FARTHEST, rng) * self._lengths(belief)
