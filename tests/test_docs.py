@@ -22,7 +22,10 @@ pytestmark = pytest.mark.usefixtures("quick_programs")
 
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
-WRITTEN = [*PAGES, ROOT / "README.md", ROOT / "experiments" / "README.md"]
+WRITTEN = [
+    *PAGES,
+    *(ROOT / page for page in ("README.md", "experiments/README.md", "paper/paper.md")),
+]
 SHOWING = [
     page for page in PAGES if any(b.language == "python" or b.commands for b in blocks(page))
 ]
