@@ -46,5 +46,5 @@ def _run(arguments: argparse.Namespace) -> None:
     }
     ranking = compare(studies, progress=True)
     if arguments.plot:
-        save_picture("view.plots.plot_ranking", ranking, arguments.plot)
+        save_picture(ranking.drawn_by, ranking, arguments.plot)
     print(json.dumps(ranking.as_json()) if arguments.json else ranking)

@@ -45,5 +45,5 @@ def _run(arguments: argparse.Namespace) -> None:
     if arguments.out:
         result.save(arguments.out)
     if arguments.plot:
-        save_picture("view.plots.plot_evaluation", result, arguments.plot)
+        save_picture(result.drawn_by, result, arguments.plot)
     print(json.dumps(result.as_json()) if arguments.json else result)

@@ -55,6 +55,9 @@ class SpatialStudy(Study):
     units: str = "m"
 
     task_kind = SpatialTask
+    dimensions = 3
+    inspected_by = "study.looking.inspect_spatial"
+    page_by = "view.web.spatial.page"
 
     def __post_init__(self) -> None:
         check_units(self.units)

@@ -273,6 +273,14 @@ class Study:
 
     task_kind: ClassVar[type[Task]] = Task
 
+    dimensions: ClassVar[int] = 2
+    """Of the space that the hand is in."""
+
+    inspected_by: ClassVar[str] = "study.inspect.inspect_plane"
+    page_by: ClassVar[str] = "view.web.page.page"
+    """What looks at it before it is run, and the page of `pcjax view`, by their names: they are
+    imported when they are asked for."""
+
     def __post_init__(self) -> None:
         check_units(self.units)
         for name, usual in (("drive", WristTilt), ("law", ContactLaw)):
