@@ -40,6 +40,8 @@ def _run(arguments: argparse.Namespace) -> None:
     study = condition(arguments)
     if study.sweep is not None:
         print("pcjax: the study's [sweep] is left out: 'pcjax sweep' runs it", file=sys.stderr)
+    if arguments.plot:
+        study.check_drawn()
     results_meanwhile(kept=bool(arguments.out or arguments.plot))
     result = evaluate_study(study, progress=True)
     if arguments.out:

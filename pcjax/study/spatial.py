@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pcjax.components import Component, quantities
+from pcjax.importing import named
 from pcjax.model.contact import ContactLaw
 from pcjax.model.layout import Place
 from pcjax.model.scenario import Scenario
@@ -127,6 +128,10 @@ class SpatialStudy(Study):
         for name, value in values.items():
             study = _changed(study, name, value)
         return study
+
+    def check_drawn(self) -> None:
+        """See `Study`: nothing can be rendered here."""
+        named("view.rendering.check_rendering")()
 
     def places_ahead(self) -> list[Place]:
         """Nothing: each hand is looked at on its own."""

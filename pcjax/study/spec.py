@@ -397,6 +397,13 @@ class Study:
             study = replace(study, hand=hand, body=body, drive=drive, law=law, run=run)
         return study
 
+    def check_drawn(self) -> None:
+        """Fails before the work where a picture of the hand cannot be made.
+
+        Raises:
+            ValueError: what it takes is missing.
+        """
+
     def places_ahead(self) -> list[Place]:
         """What checks will look at of the hand: that of many studies is worked out together in
         little more time than of one."""
