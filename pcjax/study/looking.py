@@ -18,7 +18,7 @@ from pcjax.results.schema import NAMES
 from pcjax.results.tables import engines_text, wrapped
 from pcjax.simulate.choose import choose_engine
 from pcjax.study.inspect import Inspection, View
-from pcjax.study.spec import Study
+from pcjax.study.spatial import SpatialStudy
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,7 @@ class SpatialInspection(Inspection):
 
     drawn_by = "view.spatial.plot_inspection"
 
+    study: SpatialStudy
     geoms: int
     thinnest: tuple[str, float]
     room: float | None
@@ -120,7 +121,7 @@ def _numbers(table: dict[str, Any]) -> str:
     )
 
 
-def inspect_spatial(study: Study) -> SpatialInspection:
+def inspect_spatial(study: SpatialStudy) -> SpatialInspection:
     """`pcjax.inspect`, of a hand in three dimensions."""
     hand, body, drive = study.hand, study.body, study.drive
     views = {direction: _view(study, direction) for direction in DIRECTIONS}
@@ -151,7 +152,7 @@ def inspect_spatial(study: Study) -> SpatialInspection:
     )
 
 
-def _view(study: Study, direction: str) -> View:
+def _view(study: SpatialStudy, direction: str) -> View:
     if direction == "eoen" and (problem := why_no_spatial_eoen(study.hand)):
         return View(f"EoEn is not defined for this hand: {problem}")
     scenario = SpatialScenario(

@@ -58,7 +58,7 @@ class SpatialStudy(Study):
     task_kind = SpatialTask
     dimensions = 3
     inspected_by = "study.looking.inspect_spatial"
-    page_by = "view.web.spatial.page"
+    page_in = "view.web.spatial"
 
     def __post_init__(self) -> None:
         check_units(self.units)

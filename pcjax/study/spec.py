@@ -277,9 +277,9 @@ class Study:
     """Of the space that the hand is in."""
 
     inspected_by: ClassVar[str] = "study.inspect.inspect_plane"
-    page_by: ClassVar[str] = "view.web.page.page"
-    """What looks at it before it is run, and the page of `pcjax view`, by their names: they are
-    imported when they are asked for."""
+    page_in: ClassVar[str] = "view.web.page"
+    """What looks at it before it is run, and the module with the page of `pcjax view`, by their
+    names: they are imported when they are asked for."""
 
     def __post_init__(self) -> None:
         check_units(self.units)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -35,12 +36,12 @@ def plot_evaluation(evaluation: Evaluation) -> Figure:
     return figure
 
 
-def _hands_of(evaluation: Evaluation) -> dict[str, Callable[[Axes], None]]:
+def _hands_of(evaluation: Evaluation) -> dict[str, Callable[[Axes], Any]]:
     """What draws the hand, in each direction that was evaluated in which it can be drawn."""
     return named(KINDS[evaluation.dataset.attrs["kind"]].hands_drawn_by)(evaluation)
 
 
-def hands_of(evaluation: Evaluation) -> dict[str, Callable[[Axes], None]]:
+def hands_of(evaluation: Evaluation) -> dict[str, Callable[[Axes], Any]]:
     """See `pcjax.results.schema.Kind`: of a hand in the plane."""
     return {
         direction: partial(draw_hand, evaluation=evaluation, direction=direction)

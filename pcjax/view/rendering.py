@@ -194,12 +194,12 @@ class Stage:
         reach = float(np.linalg.norm(points - self._centre, axis=1).max())
         self._reach = reach + scenario.body.radius
         self._model = _compiled(mj, scenario, parts, self._centre, self._reach, size)
-        self._data = mj.MjData(self._model)
+        self._posed: Any = mj.MjData(self._model)
         self._scene = mj.MjvScene(self._model, _MOST_GEOMS)
         self._camera = mj.MjvCamera()
         self._camera.distance = self._reach / math.sin(math.radians(_FIELD / 2))
         self._camera.elevation = -_ELEVATION
-        self._gl = _context(*size)
+        self._gl: Any = _context(*size)
         self._drawn = mj.MjrContext(self._model, mj.mjtFontScale.mjFONTSCALE_100.value)
         mj.mjr_setBuffer(mj.mjtFramebuffer.mjFB_OFFSCREEN.value, self._drawn)
         self._camera.azimuth = self._best_azimuth() if azimuth is None else azimuth
@@ -221,6 +221,7 @@ class Stage:
     def close(self) -> None:
         """Gives back what OpenGL holds."""
         if self._gl is not None:
+            self._gl.make_current()
             self._drawn.free()
             self._gl.free()
             self._gl = None
@@ -229,6 +230,10 @@ class Stage:
     def azimuth(self) -> float:
         """Where the camera is, degrees."""
         return float(self._camera.azimuth)
+
+    def look_from(self, azimuth: float) -> None:
+        """Puts the camera elsewhere, degrees about the vertical."""
+        self._camera.azimuth = azimuth
 
     def picture(
         self,
@@ -244,8 +249,7 @@ class Stage:
             angles: T1 and T2, radians; 0 unless given.
             trail: where its centre was, in the hand's frame.
         """
-        self._place(state, angles)
-        turned = self._turned
+        turned = self._place(state, angles)
         if trail is not None:
             self._draw_trail((trail - self._centre) @ turned.T)
         self._draw_gravity()
@@ -253,15 +257,16 @@ class Stage:
 
     def _place(
         self, state: Float[np.ndarray, "7"] | None, angles: Float[np.ndarray, "2"] | None
-    ) -> None:
-        mj, data = mujoco(), self._data
+    ) -> Float[np.ndarray, "3 3"]:
+        """Puts hand and object where they are; what takes the hand's frame to the world."""
+        mj, data = mujoco(), self._posed
         start = self.scenario.hand.start
         state = start.places(np.full((1, start.draws), 0.5))[0] if state is None else state
-        self._turned = self.scenario.attitude(np.zeros(2) if angles is None else angles)
+        turned = self.scenario.attitude(np.zeros(2) if angles is None else angles)
         quaternion = np.zeros(4)
-        mj.mju_mat2Quat(quaternion, self._turned.ravel())
+        mj.mju_mat2Quat(quaternion, turned.ravel())
         data.mocap_pos[0], data.mocap_quat[0] = 0.0, quaternion
-        data.mocap_pos[1] = self._turned @ (state[:3] - self._centre)
+        data.mocap_pos[1] = turned @ (state[:3] - self._centre)
         mj.mju_mulQuat(data.mocap_quat[1], quaternion, state[3:])
         mj.mj_kinematics(self._model, data)
         mj.mj_camlight(self._model, data)
@@ -269,6 +274,7 @@ class Stage:
             self._model, data, mj.MjvOption(), None, self._camera,
             mj.mjtCatBit.mjCAT_ALL.value, self._scene,
         )  # fmt: skip
+        return turned
 
     def _rendered(self) -> Pixels:
         mj, (width, height) = mujoco(), self.size

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -34,8 +35,9 @@ def draw_hand(
     parts: Sequence[Part] | None = None,
     azimuth: float | None = None,
     title: str = "",
-) -> None:
-    """The hand in its posture with the object in it, rendered; the arrow is gravity.
+) -> float:
+    """The hand in its posture with the object in it, rendered; the arrow is gravity. Returns where
+    the camera is, degrees, for other hands to be seen from there as well.
 
     Arguments:
         axis: where.
@@ -51,12 +53,13 @@ def draw_hand(
     """
     with Stage(scenario, parts, azimuth=azimuth) as stage:
         axis.imshow(stage.picture(state, angles))
-    axis.set_axis_off()
-    axis.set_title(title, fontsize=10)
+        axis.set_axis_off()
+        axis.set_title(title, fontsize=10)
+        return stage.azimuth
 
 
 def plot_postures(studies: Mapping[str, Study]) -> Figure:
-    """Hands side by side, each with its object at its start.
+    """Hands side by side, each with its object at its start, seen from the same side.
 
     Arguments:
         studies: of hands in three dimensions, by what is written above each.
@@ -70,8 +73,9 @@ def plot_postures(studies: Mapping[str, Study]) -> Figure:
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for axis in axes[len(studies) :]:
         axis.set_axis_off()
+    azimuth = None
     for axis, (name, study) in zip(axes, studies.items(), strict=False):
-        draw_hand(axis, _bare(study), title=name)
+        azimuth = draw_hand(axis, _bare(study), azimuth=azimuth, title=name)
     return figure
 
 
@@ -97,7 +101,7 @@ def plot_inspection(found: SpatialInspection) -> Figure:
     return figure
 
 
-def hands_of(evaluation: Evaluation) -> dict[str, Callable[[Axes], None]]:
+def hands_of(evaluation: Evaluation) -> dict[str, Callable[[Axes], Any]]:
     """See `pcjax.results.schema.Kind`: of a hand in three dimensions whose file is still there as
     it was.
 
@@ -107,8 +111,9 @@ def hands_of(evaluation: Evaluation) -> dict[str, Callable[[Axes], None]]:
     try:
         study = study_of(attrs.get("study", ""))
         scenarios = {d: _bare(study, mirrored=d == "eoen") for d in directions}
-        if study.hand.digest != attrs["hand_digest"]:
-            raise ValueError(f"{study.hand.file} is not as it was, or MuJoCo is of another version")
+        hand: Any = study.hand
+        if hand.digest != attrs["hand_digest"]:
+            raise ValueError(f"{hand.file} is not as it was, or MuJoCo is of another version")
     except ValueError as error:
         message = f"the hand is not drawn: {one_line(error)}"
         warnings.warn(message, InputWarning, stacklevel=2)

@@ -80,10 +80,10 @@ class SpatialCamera(Camera):
 class Shots:
     """Pictures of a recorded trial at any time of it; to be closed."""
 
-    def __init__(self, recording: SpatialRecording):
+    def __init__(self, recording: SpatialRecording, azimuth: float | None = None):
         self.recording = recording
-        self._stage = Stage(recording.scenario, opacity=_OPACITY)
-        self.close = self._stage.close
+        self._stage = Stage(recording.scenario, azimuth=azimuth, opacity=_OPACITY)
+        self.close, self.look_from = self._stage.close, self._stage.look_from
 
     def at(self, time: float) -> np.ndarray:
         """The picture at a time of the trial, s."""
