@@ -259,15 +259,17 @@ class Stage:
         self, state: Float[np.ndarray, "7"] | None, angles: Float[np.ndarray, "2"] | None
     ) -> Float[np.ndarray, "3 3"]:
         """Puts hand and object where they are; what takes the hand's frame to the world."""
-        mj, data = mujoco(), self._posed
+        mj = mujoco()
+        data: Any = self._posed
         start = self.scenario.hand.start
-        state = start.places(np.full((1, start.draws), 0.5))[0] if state is None else state
+        first = start.places(np.full((1, start.draws), 0.5))[0]
+        there: Any = first if state is None else state
         turned = self.scenario.attitude(np.zeros(2) if angles is None else angles)
         quaternion = np.zeros(4)
         mj.mju_mat2Quat(quaternion, turned.ravel())
         data.mocap_pos[0], data.mocap_quat[0] = 0.0, quaternion
-        data.mocap_pos[1] = turned @ (state[:3] - self._centre)
-        mj.mju_mulQuat(data.mocap_quat[1], quaternion, state[3:])
+        data.mocap_pos[1] = turned @ (there[:3] - self._centre)
+        mj.mju_mulQuat(data.mocap_quat[1], quaternion, there[3:])
         mj.mj_kinematics(self._model, data)
         mj.mj_camlight(self._model, data)
         mj.mjv_updateScene(

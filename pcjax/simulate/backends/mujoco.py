@@ -18,7 +18,7 @@ from typing import Any
 
 import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Integer
 
 from pcjax.components import quantity
 from pcjax.importing import mujoco
@@ -172,7 +172,7 @@ def run_trials(
     threads: int | None = None,
     on_end: Callable[[int], Any] = lambda count: None,
     film: Film | None = None,
-) -> tuple[Int[np.ndarray, " trials"], Int[np.ndarray, " trials"]]:
+) -> tuple[Int[np.ndarray, " trials"], Integer[np.ndarray, " trials"]]:
     """In which of the paper's steps trials ended, and how.
 
     Arguments:
