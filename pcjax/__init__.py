@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pcjax.model.scenario import Scenario, does, eoen
     from pcjax.physics.state import State
     from pcjax.physics.step import step
+    from pcjax.quality.energy import EscapeEnergy, energy
     from pcjax.quality.indices import Estimate
     from pcjax.quality.occupancy import Occupancy, occupancy
     from pcjax.quality.surrogate import Surrogate
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from pcjax.simulate.stepping import trajectory
     from pcjax.study.compare import Ranking, compare
     from pcjax.study.drawing import read_drawing
+    from pcjax.study.energy import energy_of_study
     from pcjax.study.evaluate import evaluate, evaluate_grid, evaluate_study
     from pcjax.study.inspect import Inspection, inspect
     from pcjax.study.occupancy import occupancy_of_study
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
     from pcjax.sweep.run import run_sweep
     from pcjax.view.animation import animate
     from pcjax.view.designs import plot_map
+    from pcjax.view.energy import plot_energy
     from pcjax.view.export import export_hand
     from pcjax.view.occupancy import plot_occupancy
 
@@ -52,6 +55,7 @@ _WHERE = {
     "Differences": "pcjax.design.gradients",
     "Drive": "pcjax.model.drives.base",
     "Engine": "pcjax.simulate.engine",
+    "EscapeEnergy": "pcjax.quality.energy",
     "Estimate": "pcjax.quality.indices",
     "Evaluation": "pcjax.results.evaluation",
     "HandDesign": "pcjax.model.hand",
@@ -82,6 +86,8 @@ _WHERE = {
     "design_space": "pcjax.design.space",
     "differentiable_score": "pcjax.design.gradients",
     "does": "pcjax.model.scenario",
+    "energy": "pcjax.quality.energy",
+    "energy_of_study": "pcjax.study.energy",
     "eoen": "pcjax.model.scenario",
     "evaluate": "pcjax.study.evaluate",
     "evaluate_grid": "pcjax.study.evaluate",
@@ -92,6 +98,7 @@ _WHERE = {
     "occupancy": "pcjax.quality.occupancy",
     "occupancy_of_study": "pcjax.study.occupancy",
     "optimize": "pcjax.design.optimize",
+    "plot_energy": "pcjax.view.energy",
     "plot_map": "pcjax.view.designs",
     "plot_occupancy": "pcjax.view.occupancy",
     "read_drawing": "pcjax.study.drawing",
@@ -117,6 +124,7 @@ __all__ = [
     "Differences",
     "Drive",
     "Engine",
+    "EscapeEnergy",
     "Estimate",
     "Evaluation",
     "HandDesign",
@@ -147,6 +155,8 @@ __all__ = [
     "design_space",
     "differentiable_score",
     "does",
+    "energy",
+    "energy_of_study",
     "eoen",
     "evaluate",
     "evaluate_grid",
@@ -157,6 +167,7 @@ __all__ = [
     "occupancy",
     "occupancy_of_study",
     "optimize",
+    "plot_energy",
     "plot_map",
     "plot_occupancy",
     "read_drawing",

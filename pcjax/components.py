@@ -247,7 +247,7 @@ class Component(eqx.Module):
             value = getattr(self, name)
             if what.unit == "angle" and what.count is None:
                 angles[name] = value
-            elif what.unit == "angle":
+            elif what.unit == "angle" and value is not None:
                 angles |= {f"{name} of {what.each} {k}": v for k, v in enumerate(value, start=1)}
         check_radians(angles)
 

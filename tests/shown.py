@@ -60,7 +60,7 @@ def small_words(line: str) -> list[str]:
     }
     if "--occupancy" in words:
         return [*words, *SMALL[:2]]
-    if words[0] in ("export", "study", "show", "plot", "inspect"):
+    if words[0] in ("energy", "export", "study", "show", "plot", "inspect"):
         return words
     return [*words, *less.get(words[0], SMALL)]
 

@@ -879,7 +879,7 @@ BAD_WORDS = [
     refused(
         "destroy",
         "destroy",
-        "inspect, evaluate, compare, optimize, study, sweep, show, plot, map, view, animate",
+        "inspect, evaluate, energy, compare, optimize, study, sweep, show, plot, map, view",
     ),
     refused("evaluate --radus 5", "--radus", "did you mean --radius"),
     refused("evaluate --fingertip-angel=5", "--fingertip-angel", "did you mean --fingertip-angle"),

@@ -357,3 +357,25 @@ def test_auto_is_event_driven_where_that_applies() -> None:
         choose_engine("event", None, soft)
     with pytest.raises(ValueError, match="dt"):
         choose_engine("event", 0.01, scenario())
+
+
+def test_a_pocket_as_wide_as_the_object_lets_it_in_in_both_precisions():
+    # Between fingertip and first limb of the paper's box hand with W_g = .8 L_p it is 50 wide.
+    hand = box_hand(0.0, gap_width=400.0)
+
+    def ends(radius: float, precision: int) -> np.ndarray:
+        scenario = does(hand, Circle(radius))
+        return run(
+            [scenario],
+            trials=300,
+            max_steps=150_000,
+            seed=0,
+            engine=EventDriven(),
+            precision=precision,
+        ).steps[0]
+
+    exact = ends(25.0, 64)
+    assert np.mean(np.abs(ends(25.0, 32) - exact) < 100) > 0.97
+    assert np.mean(np.abs(ends(24.99, 64) - exact) < 100) > 0.95
+    # With a hair more it never gets in, which decides one trial in eight.
+    assert np.mean(np.abs(ends(25.01, 64) - exact) < 100) < 0.93

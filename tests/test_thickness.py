@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import pcjax
-from pcjax.model.checking import check_geometry, gaps_of
+from pcjax.model.checking import check_geometry, geometry_of
 from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario, why_no_eoen
 from pcjax.physics.state import INVALID
@@ -50,8 +50,8 @@ def test_gap_and_full_cage_are_from_surface_to_surface() -> None:
     for make in DIRECTIONS:
         wide, narrow = (make(hand, pcjax.Circle(radius)) for radius in (44.1, 43.9))
         assert check_geometry(wide) == pytest.approx(88.0, abs=1e-9)
-        assert full_cage(gaps_of([wide])[0], wide.body.width)
-        assert not full_cage(gaps_of([narrow])[0], narrow.body.width)
+        assert full_cage(geometry_of(wide).gap, wide.body.width)
+        assert not full_cage(geometry_of(narrow).gap, narrow.body.width)
     caged = pcjax.evaluate(hand, pcjax.Circle(44.1), trials=8, max_steps=20_000)
     assert caged.indices("does")["index2"].value == 1
     assert caged.status("does")["limit"] == 8
@@ -94,7 +94,7 @@ def test_eoen_keeps_gap_and_thickness() -> None:
     hand = pcjax.box_hand(math.radians(30), thickness=12.0)
     outside = pcjax.eoen(hand, pcjax.Circle(20.0))
     assert outside.hand.thickness == 12.0
-    assert gaps_of([outside])[0] == pytest.approx(88.0, abs=1e-9)
+    assert geometry_of(outside).gap == pytest.approx(88.0, abs=1e-9)
     goal = outside.hand.goal()  # of the middle lines
     assert float(goal.a.y) == pytest.approx(500 + 100 * math.cos(math.radians(30)), abs=1e-3)
 

@@ -21,6 +21,7 @@ from pcjax.words import InputWarning, in_ascii, package_version
 COMMANDS = {
     "inspect": ("inspect", "look at a study before trials are spent on it"),
     "evaluate": ("evaluate", "evaluate one hand: DoEs, EoEn and the score"),
+    "energy": ("energy", "how high the object has to climb to get out, with no trial run"),
     "compare": ("compare", "rank several hands on the same trials"),
     "optimize": ("optimize", "look for a better hand"),
     "study": ("study", "check a study file, or print an example"),

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Protocol, runtime_checkable
 
+import numpy as np
+
 from pcjax.geometry import Flag, Scalar, library_of
 from pcjax.model.bodies.base import Body
 from pcjax.model.hand import HandDesign
@@ -116,6 +118,6 @@ def _advice(scenario: Any) -> str:
     return "change the joint angles; no object and no start_spread would do"
 
 
-def gaps_of(scenarios: Sequence[Held]) -> list[float]:
-    """The hands' gaps, for scenarios whose numbers are concrete."""
-    return [float(found.gap) for found in geometries_of(list(map(_place, scenarios)))]
+def passages_of(scenarios: Sequence[Held]) -> list[np.ndarray]:
+    """Widths between any two limbs that share no joint, for plain numbers."""
+    return [np.array(found.passages) for found in geometries_of(list(map(_place, scenarios)))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +11,7 @@ import equinox as eqx
 import jax
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from pcjax.checks import check_between, check_finite, check_positive, check_radians
 from pcjax.geometry import (
@@ -201,16 +202,8 @@ class HandDesign(eqx.Module):
         Surfaces of limbs between which the hand is shorter than twice its thickness may overlap,
         as those at a joint do.
         """
-        names, limbs, n1 = self.limb_names(), self.limbs(), len(self.lengths[0])
-        # From fingertip to fingertip along the hand.
-        order = [*range(n1, 0, -1), 0, *range(n1 + 1, len(limbs))]
-        places = sorted(range(len(limbs)), key=order.__getitem__)
-        apart = [
-            (i, j)
-            for i in range(len(limbs))
-            for j in range(i + 1, len(limbs))
-            if abs(places[i] - places[j]) > 1
-        ]
+        names, limbs = self.limb_names(), self.limbs()
+        order, places, apart = self._apart()
 
         def way_between(i: int, j: int) -> Scalar:
             low, high = sorted((places[i], places[j]))
@@ -223,6 +216,22 @@ class HandDesign(eqx.Module):
         overlap = near & (between > 2.0 * self.thickness)
         crossed = library_of(self).asarray(segments_cross(first, second) | overlap)
         return {(names[i], names[j]): crossed[k] for k, (i, j) in enumerate(apart)}
+
+    def passages(self) -> Array | np.ndarray:
+        """How far each two limbs that share no joint are from each other, from surface to surface;
+        the object may have to pass between any of them."""
+        limbs, (_, _, apart) = self.limbs(), self._apart()
+        a, b = closest_points(*stacked([(limbs[i], limbs[j]) for i, j in apart]))
+        return unit_and_length(b - a)[1] - self.thickness
+
+    def _apart(self) -> tuple[list[int], list[int], list[tuple[int, int]]]:
+        """The limbs' numbers from fingertip to fingertip along the hand, the place of each in that
+        row, and the pairs that share no joint."""
+        n1, count = len(self.lengths[0]), 1 + sum(map(len, self.lengths))
+        order = [*range(n1, 0, -1), 0, *range(n1 + 1, count)]
+        places = sorted(range(count), key=order.__getitem__)
+        pairs = itertools.combinations(range(count), 2)
+        return order, places, [(i, j) for i, j in pairs if abs(places[i] - places[j]) > 1]
 
     def limb_names(self) -> tuple[str, ...]:
         """A readable name for each of `limbs()`."""

@@ -116,6 +116,7 @@ class Geometry(eqx.Module):
         blocked: whether a limb cuts through the goal line.
         limbs, goal: of the hand.
         passage: the points of finger 1 and finger 2 that are closest to each other.
+        passages: widths between any two limbs that share no joint.
         start: the start closest to the corner at the palm's right end.
     """
 
@@ -127,6 +128,7 @@ class Geometry(eqx.Module):
     limbs: tuple[Segment, ...]
     goal: Goal
     passage: tuple[Vec, Vec]
+    passages: tuple[Scalar, ...]
     start: Vec
 
 
@@ -180,6 +182,7 @@ def _geometry(hand: HandDesign, radius: Scalar, start_spread: Scalar) -> Geometr
             hand.limbs(),
             hand.goal(),
             hand.narrowest_passage(),
+            tuple(hand.passages()),
             corner_centre(hand, radius, start_spread),
         )
 

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from jaxtyping import Array
 
 from pcjax.geometry import NEVER, Scalar
-from pcjax.model.checking import gaps_of
+from pcjax.model.checking import passages_of
 from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario, World
 from pcjax.physics.contact.circle import move_circle
@@ -21,7 +22,7 @@ from pcjax.simulate.leaping import Flight, leap
 from pcjax.simulate.outcomes import Outcomes
 
 _LEAST_CLEARANCE = 1e-4
-"""Difference between gap and object, in contact diameters, with which trials are run."""
+"""Difference between passage and object, in contact diameters, with which trials are run."""
 
 
 class CircleBursts(Bursts):
@@ -50,14 +51,17 @@ class CircleBursts(Bursts):
         return replace(state, position=flights.position, velocity=flights.velocity)
 
 
-def _with_room(scenario: Scenario, gap: float) -> Scenario:
-    """The scenario with an object that passes its gap with some room, or is too wide by as much."""
+def _with_room(scenario: Scenario, passages: np.ndarray) -> Scenario:
+    """The scenario with an object that passes between any two limbs with some room, or is too wide
+    by as much."""
     width = float(scenario.body.width)
     room = _LEAST_CLEARANCE * 2 * float(scenario.contact_radius)
-    if abs(gap - width) >= room:
+    near = passages[np.abs(passages - width) < room]
+    if not near.size:
         return scenario
-    wanted = gap + room if full_cage(gap, width) else gap - room
-    return replace(scenario, body=scenario.body.scaled(wanted / width))
+    fits = near[~full_cage(near, width)]
+    wanted = fits.min() - room if fits.size else near.max() + room
+    return replace(scenario, body=scenario.body.scaled(float(wanted) / width))
 
 
 @register_engine("event")
@@ -88,11 +92,11 @@ class EventDriven(LeapingEngine):
     def fill(self, outcomes: Outcomes, scenarios: Sequence[Scenario], how: How) -> None:
         """Runs lanes in blocks, refilled as trials end.
 
-        An object that fits its gap exactly, or all but, would be touched on both sides in every
-        leap. It is run a ten-thousandth smaller, or larger if the hand is a full cage, to which
-        index 1 tends.
+        An object that fits between two limbs exactly, or all but, would be touched on both sides in
+        every leap, and rounding would decide whether it fits. It is run a ten-thousandth smaller,
+        or larger if it is too wide already, to which index 1 tends.
         """
-        super().fill(outcomes, list(map(_with_room, scenarios, gaps_of(scenarios))), how)
+        super().fill(outcomes, list(map(_with_room, scenarios, passages_of(scenarios))), how)
 
     def processor_seconds(self, scenario: Scenario, max_steps: int) -> float:
         """0.05 ms to 600 s."""

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pcjax.components import Component, Registry, quantity
-from pcjax.geometry import Scalar, Vec
+from pcjax.geometry import Scalar, Vec, segment_between
 
 BODIES: Registry[Body] = Registry(
     "body",
@@ -151,6 +151,14 @@ class Body(Component, _Sized):
         rounded: unless a body says otherwise, a circle."""
         zero = 0.0 * self.radius
         return (Vec(zero, zero),), self.radius
+
+    def inner_radius(self) -> float:
+        """Of the largest circle about its centre that is within it, for plain numbers."""
+        corners, rounding = self.outline()
+        edges = list(zip(corners, [*corners[1:], corners[0]], strict=True))
+        enclosed = len(corners) > 2
+        reach = [segment_between(a, b).distance(Vec(0.0, 0.0)) for a, b in edges if enclosed]
+        return float(min(reach, default=0.0)) + float(rounding)
 
 
 def placed_outline(

@@ -173,6 +173,13 @@ class Drive(Component):
             (still,), zero, self.fly(profile, still, still, time, 1e-3 + zero).acceleration
         )
 
+    def gravity_seen(self, profile: Any, time: Scalar) -> Vec:
+        """Gravity in the hand's axes at a time of a period, without what the hand's own motion
+        adds."""
+        placed = self.placement(profile, time)
+        c, s, pull = jnp.cos(placed.turn), jnp.sin(placed.turn), placed.pull
+        return Vec(pull.x * c + pull.y * s, pull.y * c - pull.x * s)
+
     def mirrored(self, mirror: Mirror) -> Drive:
         """The drive as it is seen in a mirror that is fixed to the hand."""
         return MirroredDrive(self, mirror)
@@ -245,6 +252,15 @@ class WrappedDrive(Drive):
         """As the drive's."""
         return self.drive.placement(profile, time)
 
+    def gravity_seen(self, profile: Any, time: Scalar) -> Vec:
+        """As the drive's."""
+        return self.drive.gravity_seen(profile, time)
+
+    @property
+    def gravity(self) -> Scalar:
+        """As the drive's, where it has one."""
+        return self.drive.gravity  # pyright: ignore[reportAttributeAccessIssue]
+
 
 class MirroredDrive(WrappedDrive):
     """A drive as it is seen in a mirror that is fixed to the hand; exact for every drive.
@@ -302,3 +318,7 @@ class MirroredDrive(WrappedDrive):
             ValueError: always; the world of the mirror is nowhere to be seen.
         """
         raise ValueError("a hand that is carried about cannot be drawn as seen in a mirror")
+
+    def gravity_seen(self, profile: Any, time: Scalar) -> Vec:
+        """The image of the drive's."""
+        return self.mirror.vector(self.drive.gravity_seen(profile, time))

@@ -257,7 +257,7 @@ def _hull_of(file: str) -> Points:
     return centred_hull(np.array(model.mesh_vert, float))
 
 
-def centred_hull(points: Points) -> Points:
+def centred_hull(points: Points) -> Float[np.ndarray, "corners 3"]:
     """The vertices of the points' convex hull, seen from its centre of mass.
 
     Raises:

@@ -278,8 +278,5 @@ def _overlap(
 def _joined(model: Any, one: int, other: int) -> bool:
     """Whether two geoms are of one link, or of links that a joint joins."""
     a, b = (int(model.body_weldid[model.geom_bodyid[geom]]) for geom in (one, other))
-    return (
-        a == b
-        or b == model.body_weldid[model.body_parentid[a]]
-        or (a == model.body_weldid[model.body_parentid[b]])
-    )
+    above_a, above_b = (int(model.body_weldid[model.body_parentid[body]]) for body in (a, b))
+    return a in (b, above_b) or b == above_a

@@ -93,7 +93,7 @@ class Escape(Component):
 
     def planes(
         self, hull: Float[np.ndarray, "planes 4"], radius: float, reach: float
-    ) -> Float[np.ndarray, "planes 4"]:
+    ) -> Float[np.ndarray, "sides 4"]:
         """The region's planes: a x + b y + c z + d <= 0 inside, of unit normals.
 
         Arguments:
@@ -104,7 +104,7 @@ class Escape(Component):
         raise NotImplementedError
 
 
-def inflated(hull: Float[np.ndarray, "planes 4"], by: float) -> Float[np.ndarray, "planes 4"]:
+def inflated(hull: Float[np.ndarray, "planes 4"], by: float) -> Float[np.ndarray, "sides 4"]:
     """The planes of a hull, that much further out."""
     return hull - np.array([0, 0, 0, by])
 
@@ -124,7 +124,7 @@ class HullEscape(Escape):
 
     def planes(
         self, hull: Float[np.ndarray, "planes 4"], radius: float, reach: float
-    ) -> Float[np.ndarray, "planes 4"]:
+    ) -> Float[np.ndarray, "sides 4"]:
         """See `Escape`."""
         return inflated(hull, float(self.inflation) * radius)
 
@@ -157,7 +157,7 @@ class PlaneEscape(Escape):
 
     def planes(
         self, hull: Float[np.ndarray, "planes 4"], radius: float, reach: float
-    ) -> Float[np.ndarray, "planes 4"]:
+    ) -> Float[np.ndarray, "sides 4"]:
         """See `Escape`."""
         point, normal = self.opening
         own = np.append(normal, -(normal @ point) - reach)

@@ -41,8 +41,9 @@ class SpatialTilt(Drive):
         >>> import numpy as np
         >>> from pcjax.model.spatial.tilt import SpatialTilt
         >>> drive = SpatialTilt(0.5, (0.0, 0.0, -1.0))
-        >>> drive.pull(np.array([[0.5, 0.5]])).round(2).tolist()
-        [[4.7, -4.12, -7.55]]
+        >>> x, _, z = drive.pull(np.array([[0.5, 0.0]]))[0]
+        >>> print(f"{x:.2f} {z:.2f}")
+        4.70 -8.60
     """
 
     amplitude: Scalar = quantity("angle", "largest tilt", low=0, high=math.pi, key="amplitude")

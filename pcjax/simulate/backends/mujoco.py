@@ -18,7 +18,7 @@ from typing import Any
 
 import jax
 import numpy as np
-from jaxtyping import Float, Int, Integer
+from jaxtyping import Float, Integer
 
 from pcjax.components import quantity
 from pcjax.importing import mujoco
@@ -164,7 +164,7 @@ class Film:
 
 def run_trials(
     scenario: SpatialScenario,
-    trials: Int[np.ndarray, " trials"],
+    trials: Integer[np.ndarray, " trials"],
     *,
     max_steps: int,
     seed: int,
@@ -172,7 +172,7 @@ def run_trials(
     threads: int | None = None,
     on_end: Callable[[int], Any] = lambda count: None,
     film: Film | None = None,
-) -> tuple[Int[np.ndarray, " trials"], Integer[np.ndarray, " trials"]]:
+) -> tuple[Integer[np.ndarray, " trials"], Integer[np.ndarray, " trials"]]:
     """In which of the paper's steps trials ended, and how.
 
     Arguments:
@@ -210,7 +210,7 @@ class _Run:
     def __init__(
         self,
         scenario: SpatialScenario,
-        trials: Int[np.ndarray, " trials"],
+        trials: Integer[np.ndarray, " trials"],
         seed: int,
         dt: float,
         limit: float,
