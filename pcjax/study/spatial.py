@@ -151,7 +151,8 @@ class SpatialStudy(Study):
     def tables(self) -> dict[str, Mapping[str, Any]]:
         """The study as the tables of its file."""
         hand = self.hand
-        whole: dict[str, Any] = {"file": hand.file}
+        own = next((name for name, path in PRESETS.items() if str(path) == hand.file), None)
+        whole: dict[str, Any] = {"file": hand.file} if own is None else {"preset": own}
         whole |= {
             name: list(value) if isinstance(value, tuple) else value
             for name in ("root", "exclude", "fingertips")

@@ -56,6 +56,9 @@ _BACKGROUND = (0.93, 0.95, 0.97)
 
 _ARROW = (0.2, 0.2, 0.2, 1.0)
 
+_OFF = ("disable", "disabled", "off", "false", "0")
+"""What MUJOCO_GL says where nothing is to be rendered."""
+
 _MOST_GEOMS = 20_000
 
 Pixels = UInt8[np.ndarray, "height width 3"]
@@ -144,16 +147,17 @@ def check_rendering() -> None:
 
 
 def _context(width: int, height: int) -> Any:
-    """An OpenGL context, made current: of EGL on Linux, unless MUJOCO_GL asks for another one."""
+    """An OpenGL context, made current: on Linux EGL's, or OSMesa's where MUJOCO_GL asks for it."""
     mj, asked = mujoco(), os.environ.get("MUJOCO_GL", "").lower().strip()
-    kind = asked or ("egl" if sys.platform == "linux" else "")
+    if asked in _OFF:
+        raise ValueError(f"MUJOCO_GL={asked}, so nothing is rendered: {RENDERING}")
+    kind = "osmesa" if asked == "osmesa" else "egl"
     try:
-        made = importlib.import_module(f"mujoco.{kind}") if kind in ("egl", "osmesa") else mj
+        made = importlib.import_module(f"mujoco.{kind}") if sys.platform == "linux" else mj
         context = made.GLContext(width, height)
         context.make_current()
     except Exception:  # of every kind, where something of OpenGL is missing
-        tried = f" ({kind} cannot be used)" if kind else ""
-        raise ValueError(f"nothing can be rendered here{tried}: {RENDERING}") from None
+        raise ValueError(f"nothing can be rendered here: {RENDERING}") from None
     return context
 
 
