@@ -122,12 +122,12 @@ class Quantity:
 
     def from_file(self, value: Any) -> Any:
         """What is written in a file or a flag, as Python has it."""
+        if self.word and value == self.word:
+            return None
         if self.many:
             return tuple(map(replace(self, many=False).from_file, value))
         if self.count is not None:
             return tuple(map(replace(self, count=None).from_file, value))
-        if self.word and value == self.word:
-            return None
         if self.kind is int and value == round(value):
             return int(value)
         return math.radians(value) if self.unit == "angle" else value

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import os
 import threading
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
@@ -46,6 +47,13 @@ def results_meanwhile(*, kept: bool) -> None:
     threading.Thread(target=bring, daemon=True).start()
 
 
+RENDERING = (
+    "pictures need EGL (on Debian and Ubuntu apt-get install libegl1 libgl1-mesa-dri), or "
+    "MUJOCO_GL=osmesa and OSMesa (libosmesa6)"
+)
+"""What pictures of hands in three dimensions are rendered with, and how to get it."""
+
+
 def mujoco() -> Any:
     """MuJoCo, which simulates hands in three dimensions.
 
@@ -60,6 +68,9 @@ def mujoco() -> Any:
         older = importlib.util.find_spec("mujoco") is not None
         problem = "needs MuJoCo 3.17 or later" if older else "needs MuJoCo"
         raise ValueError(f"a hand in three dimensions {problem}: {install}") from None
+    except (AttributeError, OSError, RuntimeError):  # of what MUJOCO_GL asks for
+        asked = os.environ.get("MUJOCO_GL", "")
+        raise ValueError(f"MuJoCo cannot be used with MUJOCO_GL={asked}: {RENDERING}") from None
     if module.__version__ == "4.0.0":  # its contact solver is wrong for sparse Jacobians
         raise ValueError(f"MuJoCo 4.0.0 solves contacts wrongly, take another version: {install}")
     return module

@@ -44,7 +44,9 @@ def _run(arguments: argparse.Namespace) -> None:
         name: as_flags_say(load_study(path), arguments)
         for name, path in zip(names, arguments.studies, strict=True)
     }
+    for study in studies.values() if arguments.plot else ():
+        study.check_drawn()
     ranking = compare(studies, progress=True)
     if arguments.plot:
-        save_picture("view.plots.plot_ranking", ranking, arguments.plot)
+        save_picture(ranking.drawn_by, ranking, arguments.plot)
     print(json.dumps(ranking.as_json()) if arguments.json else ranking)

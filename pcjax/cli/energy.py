@@ -12,6 +12,7 @@ from pcjax.cli.parts import (
     add_direction,
     add_outputs,
     check_picture,
+    check_plane,
     number,
     settle_outputs,
     whole,
@@ -48,6 +49,7 @@ def _run(arguments: argparse.Namespace) -> None:
     for tilt in arguments.at or ():
         check_between("--at", tilt, -360, 360)
     study = condition(arguments)
+    check_plane(study, "escape energy")
     found = energy_of_study(study, tilts=arguments.tilts)
     if arguments.plot:
         # Imported where it is needed: matplotlib takes a second.

@@ -40,10 +40,12 @@ def _run(arguments: argparse.Namespace) -> None:
     study = condition(arguments)
     if study.sweep is not None:
         print("pcjax: the study's [sweep] is left out: 'pcjax sweep' runs it", file=sys.stderr)
+    if arguments.plot:
+        study.check_drawn()
     results_meanwhile(kept=bool(arguments.out or arguments.plot))
     result = evaluate_study(study, progress=True)
     if arguments.out:
         result.save(arguments.out)
     if arguments.plot:
-        save_picture("view.plots.plot_evaluation", result, arguments.plot)
+        save_picture(result.drawn_by, result, arguments.plot)
     print(json.dumps(result.as_json()) if arguments.json else result)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from pcjax.cli.condition import add_condition, condition
-from pcjax.cli.parts import add_outputs, check_writable, settle_outputs
+from pcjax.cli.parts import add_outputs, check_plane, check_writable, settle_outputs
 from pcjax.model.scenario import does
 from pcjax.view.export import check_drawing, export_hand
 
@@ -31,6 +31,7 @@ def _run(arguments: argparse.Namespace) -> None:
     check_writable(arguments.plot)
     check_drawing(arguments.plot)
     study = condition(arguments)
+    check_plane(study, "a drawing for CAD")
     does(study.hand, study.body, study.drive, study.law).check()
     body = study.body if arguments.with_object else None
     export_hand(study.hand, arguments.plot, body=body, units=study.units)

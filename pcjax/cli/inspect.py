@@ -23,5 +23,5 @@ def _run(arguments: argparse.Namespace) -> None:
     check_picture(arguments.plot)
     found = inspect(condition(arguments))
     if arguments.plot:
-        save_picture("view.designs.plot_inspection", found, arguments.plot)
+        save_picture(found.drawn_by, found, arguments.plot)
     print(json.dumps(found.as_json()) if arguments.json else found)

@@ -248,6 +248,15 @@ def _as_typed(name: str) -> str:
     return {"study": "the study", "results": "the result"}.get(name, f"--{name}")
 
 
+def check_plane(study: Study, what: str) -> None:
+    """
+    Raises:
+        ValueError: the hand is one in three dimensions.
+    """
+    if study.dimensions != 2:
+        raise ValueError(f"{what} is for hands in the plane, and this one is in three dimensions")
+
+
 def check_data(path: Path | None, endings: Sequence[str] = (".nc",)) -> None:
     """Fails before the work when data cannot be written, or the file's ending says another kind."""
     check_writable(path)

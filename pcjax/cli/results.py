@@ -15,7 +15,7 @@ from pcjax.cli.parts import (
     settle_outputs,
     whole,
 )
-from pcjax.importing import xr
+from pcjax.importing import named, xr
 from pcjax.model.scenario import DIRECTIONS
 from pcjax.paper.figures import check_figure
 from pcjax.paper.tables import figure_table
@@ -23,6 +23,7 @@ from pcjax.quality.occupancy import TRIALS
 from pcjax.results.evaluation import Evaluation
 from pcjax.results.map_csv import load_map_csv
 from pcjax.results.reading import load_dataset
+from pcjax.results.schema import EVALUATIONS
 from pcjax.results.tables import LONGEST, conditions_table
 from pcjax.study.inspect import inspect
 from pcjax.study.occupancy import occupancy_of_study
@@ -103,7 +104,7 @@ def _show(arguments: argparse.Namespace) -> None:
         print(figure_table(data))
     elif data.attrs["kind"] == "map":
         print(map_text(data))
-    elif data.attrs["kind"] == "evaluation":
+    elif data.attrs["kind"] in EVALUATIONS:
         print(Evaluation(data))
     else:
         print(conditions_table(data, None if arguments.all else LONGEST))
@@ -158,14 +159,15 @@ def _picture(arguments: argparse.Namespace) -> Figure:
     if kind not in ("sweep", "grid") and _swept(arguments):
         raise ValueError(f"{path} is no sweep: --x, --y, --hue, --at are not for it")
     if data is None:
-        return designs.plot_inspection(inspect(load_study(path)))
+        found = inspect(load_study(path))
+        return named(found.drawn_by)(found)
     if kind is None:
         from pcjax.paper.pictures import plot_figure
 
         return plot_figure(data)
     if kind == "map":
         return designs.plot_map(data)
-    if kind == "evaluation":
+    if kind in EVALUATIONS:
         return plots.plot_evaluation(Evaluation(data))
     draw = sweeps.plot_sweep if kind == "sweep" else sweeps.plot_grid
     return draw(data, arguments.x, arguments.y, arguments.hue, dict(arguments.at))

@@ -88,6 +88,9 @@ class Scenario(eqx.Module):
 
     dimensions: ClassVar[int] = 2
 
+    filmed_by: ClassVar[str] = "view.animation.PlaneCamera"
+    """The `Camera` that films trials of it, by its name: it is of a layer above."""
+
     @property
     def contact_radius(self) -> Scalar:
         """How far from a limb's middle line the centre of a circle of the object's radius is that
@@ -165,8 +168,9 @@ class Scenario(eqx.Module):
             "rounding": np.array(rounding),
         }
 
-    def sizes(self) -> dict[str, float]:
-        """Sizes of object and hand, as results keep them for plain numbers."""
+    def sizes(self) -> dict[str, Any]:
+        """Sizes of object and hand, as results keep them for plain numbers, and which file the hand
+        is of where it is of one."""
         body = self.body
         sizes = {
             "radius": float(body.radius),

@@ -156,6 +156,10 @@ def occupancy(
         True
     """
     check_count("cells", cells, 1, 2000)
+    if scenario.dimensions != 2:
+        raise ValueError(
+            "where objects stay is drawn of hands in the plane, and this one is in three dimensions"
+        )
     scenario.check()
     chosen = choose_engine(engine, dt, scenario)
     limit = usual_max_steps(scenario.body, scenario.drive) if max_steps is None else max_steps

@@ -106,6 +106,8 @@ class Kind:
         optional: variables that not every file has.
         attributes: that it has beside `ATTRIBUTES`.
         gaps: whether conditions may be empty, with NaN for all their numbers.
+        hands_drawn_by: the function that draws the hand of an evaluation, in each direction that it
+            can be drawn in; by its name, since it is of a layer above.
     """
 
     noun: str
@@ -114,6 +116,7 @@ class Kind:
     optional: Mapping[str, Variable]
     attributes: Mapping[str, Attribute]
     gaps: bool = False
+    hands_drawn_by: str = "view.plots.hands_of"
 
 
 _INDEX = {
@@ -206,9 +209,11 @@ KINDS: dict[KindName, Kind] = {
         {
             "radius": Attribute("real", 0),
             "object_width": Attribute("real", 0),
+            "hand_digest": Attribute("text"),
             "dt": Attribute("real", 0),
             "wall_seconds": Attribute("real"),
         },
+        hands_drawn_by="view.spatial.hands_of",
     ),
     "sweep": Kind(
         "a sweep",

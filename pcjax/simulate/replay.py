@@ -22,6 +22,7 @@ from pcjax.physics.state import INVALID, PAPER_DT, PASSED
 from pcjax.physics.step import begin
 from pcjax.simulate.batch import run
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
+from pcjax.simulate.engine import Engine
 from pcjax.simulate.outcomes import LIMIT, paper_steps
 from pcjax.simulate.stepping import Stepping, check_can_step, lag_of, trajectory
 
@@ -67,7 +68,7 @@ class Frames:
 
 
 @dataclass(frozen=True)
-class Recording:
+class Recorded:
     """One trial, from its start to its end.
 
     Attributes:
@@ -77,23 +78,32 @@ class Recording:
         seconds: when it ended.
         dt: the step taken, s.
         times: of the states kept, s.
-        position, angle: of the object then, as in `Frames`; the angle without jumps.
     """
 
-    scenario: Scenario
+    scenario: Any  # a Scenario
     seed: int
     trial: int
     status: int
     seconds: float
     dt: float
     times: Float[np.ndarray, " states"]
-    position: Float[np.ndarray, "states 2"]
-    angle: Float[np.ndarray, " states"]
 
     @property
     def escape_step(self) -> int:
         """The paper's step (of 0.001 s) in which it ended, as `pcjax.evaluate` counts."""
         return int(paper_steps(self.seconds))
+
+
+@dataclass(frozen=True)
+class Recording(Recorded):
+    """One trial of a hand in the plane.
+
+    Attributes:
+        position, angle: of the object at the times kept, as in `Frames`; the angle without jumps.
+    """
+
+    position: Float[np.ndarray, "states 2"]
+    angle: Float[np.ndarray, " states"]
 
     @functools.cached_property
     def hand(self) -> Float[np.ndarray, "points 2"]:
@@ -212,7 +222,9 @@ def pick_trial(
     seed: int,
     max_steps: int,
     dt: float = PAPER_DT,
+    engine: Engine | None = None,
     trials: int = PICKED_FROM,
+    at_once: int | None = None,
     progress: bool = False,
 ) -> int:
     """A trial worth a look.
@@ -220,7 +232,10 @@ def pick_trial(
     Arguments:
         scenario, seed, max_steps, dt: as for `record`.
         pick: one of `PICKS`.
+        engine: what runs them; steps of `dt` unless given.
         trials: how many to look through.
+        at_once: how many are run before it is looked whether the first is there; all of them unless
+            given.
         progress: whether to show a bar on stderr.
 
     Raises:
@@ -228,16 +243,23 @@ def pick_trial(
     """
     if pick not in PICKS:
         raise ValueError(f"pick is {pick!r}: it has to be one of {', '.join(PICKS)}")
-    out = run(
-        [scenario],
-        trials=trials,
-        max_steps=max_steps,
-        seed=seed,
-        engine=Stepping(dt),
-        progress=progress,
-    )
     wanted = LIMIT if pick == "stuck" else PASSED
-    found = np.flatnonzero(out.status[0] == wanted)
+    engine = Stepping(dt) if engine is None else engine
+    at_once = trials if at_once is None or pick == "longest" else at_once
+    found, steps = np.zeros(0, int), np.zeros(0, int)
+    for first in range(0, trials, at_once):
+        out = run(
+            [scenario],
+            trials=min(at_once, trials - first),
+            first=first,
+            max_steps=max_steps,
+            seed=seed,
+            engine=engine,
+            progress=progress,
+        )
+        found, steps = first + np.flatnonzero(out.status[0] == wanted), out.steps[0]
+        if len(found):
+            break
     if len(found) == 0:
         limit = f"{max_steps:,} steps"
         raise ValueError(
@@ -245,4 +267,4 @@ def pick_trial(
             if pick == "stuck"
             else f"none of the first {trials} trials escaped within {limit}: pick 'stuck'"
         )
-    return int(found[np.argmax(out.steps[0, found])] if pick == "longest" else found[0])
+    return int(found[np.argmax(steps[found])] if pick == "longest" else found[0])

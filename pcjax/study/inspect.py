@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from pcjax.importing import named
 from pcjax.model.bodies.base import Body
 from pcjax.model.checking import geometry_of
 from pcjax.model.hand import full_cage, points_of
@@ -58,7 +59,7 @@ class Inspection(Shown):
     Attributes:
         study: what was looked at.
         views: the hand in each direction.
-        size: width and height of the hand, lengths.
+        size: width and height of the hand, lengths; of one in three dimensions along x, y and z.
         width: the narrowest gap that the object fits through, a length.
         fall: about how long the object takes through the whole hand where it is pulled most, s.
         doubts: what is probably not meant.
@@ -68,7 +69,7 @@ class Inspection(Shown):
 
     study: Study
     views: dict[str, View]
-    size: tuple[float, float]
+    size: tuple[float, ...]
     width: float
     fall: float
     doubts: tuple[str, ...]
@@ -148,7 +149,8 @@ def _if_it_lies_well(body: Body) -> str:
 
 
 def inspect(study: Study) -> Inspection:
-    """Looks at a study without running a trial.
+    """Looks at a study without running a trial; of a hand in three dimensions it returns a
+    `SpatialInspection`.
 
     Examples:
         >>> import pcjax
@@ -158,6 +160,11 @@ def inspect(study: Study) -> Inspection:
         >>> found.views["does"].starts[0]
         ((-225.0, 25.0), (-175.0, 75.0))
     """
+    return named(study.inspected_by)(study)
+
+
+def inspect_plane(study: Study) -> Inspection:
+    """`inspect`, of a hand in the plane."""
     views = {direction: _view(study, direction) for direction in DIRECTIONS}
     points = points_of(study.hand)
     across, up = np.ptp(points, axis=0) + float(study.hand.thickness)

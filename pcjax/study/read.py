@@ -119,8 +119,7 @@ def read_study(
             others = {_without_unit(key) for key in keys}
             kept = {k: v for k, v in data[table].items() if _without_unit(k) not in others}
             data[table] = {**kept, **keys}
-    folder = Path() if path is None else Path(path).parent
-    reader = SpatialReader(data, folder) if is_spatial(data) else Reader(data)
+    reader = _reader(data, Path() if path is None else Path(path).parent)
     try:
         study = reader.study()
     except ValueError as error:
@@ -139,6 +138,19 @@ def read_study(
         except ValueError as error:
             raise ValueError(f"[hand] {key}: {one_line(error)}") from None
     return study, reader.doubts
+
+
+def study_of(text: str) -> Study:
+    """The study of a file's text, such as results keep; paths are seen from the current folder.
+
+    Raises:
+        ValueError: it is none, or a file that it names is not there.
+    """
+    return _reader(tomllib.loads(text), Path()).study()
+
+
+def _reader(data: dict[str, Any], folder: Path) -> Reader:
+    return SpatialReader(data, folder) if is_spatial(data) else Reader(data)
 
 
 def _without_unit(key: str) -> str:

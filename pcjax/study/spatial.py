@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pcjax.components import Component, quantities
+from pcjax.importing import named
 from pcjax.model.contact import ContactLaw
 from pcjax.model.layout import Place
 from pcjax.model.scenario import Scenario
@@ -55,6 +56,9 @@ class SpatialStudy(Study):
     units: str = "m"
 
     task_kind = SpatialTask
+    dimensions = 3
+    inspected_by = "study.looking.inspect_spatial"
+    page_in = "view.web.spatial"
 
     def __post_init__(self) -> None:
         check_units(self.units)
@@ -125,6 +129,10 @@ class SpatialStudy(Study):
             study = _changed(study, name, value)
         return study
 
+    def check_drawn(self) -> None:
+        """See `Study`: nothing can be rendered here."""
+        named("view.rendering.check_rendering")()
+
     def places_ahead(self) -> list[Place]:
         """Nothing: each hand is looked at on its own."""
         return []
@@ -143,7 +151,8 @@ class SpatialStudy(Study):
     def tables(self) -> dict[str, Mapping[str, Any]]:
         """The study as the tables of its file."""
         hand = self.hand
-        whole: dict[str, Any] = {"file": hand.file}
+        own = next((name for name, path in PRESETS.items() if str(path) == hand.file), None)
+        whole: dict[str, Any] = {"file": hand.file} if own is None else {"preset": own}
         whole |= {
             name: list(value) if isinstance(value, tuple) else value
             for name in ("root", "exclude", "fingertips")

@@ -273,6 +273,14 @@ class Study:
 
     task_kind: ClassVar[type[Task]] = Task
 
+    dimensions: ClassVar[int] = 2
+    """Of the space that the hand is in."""
+
+    inspected_by: ClassVar[str] = "study.inspect.inspect_plane"
+    page_in: ClassVar[str] = "view.web.page"
+    """What looks at it before it is run, and the module with the page of `pcjax view`, by their
+    names: they are imported when they are asked for."""
+
     def __post_init__(self) -> None:
         check_units(self.units)
         for name, usual in (("drive", WristTilt), ("law", ContactLaw)):
@@ -388,6 +396,13 @@ class Study:
             run = replace(study.run, engine=parts.get("run", study.run.engine))
             study = replace(study, hand=hand, body=body, drive=drive, law=law, run=run)
         return study
+
+    def check_drawn(self) -> None:
+        """Fails before the work where a picture of the hand cannot be made.
+
+        Raises:
+            ValueError: what it takes is missing.
+        """
 
     def places_ahead(self) -> list[Place]:
         """What checks will look at of the hand: that of many studies is worked out together in

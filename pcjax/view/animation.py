@@ -12,7 +12,9 @@ from __future__ import annotations
 
 import math
 import os
+from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.animation import (
@@ -29,10 +31,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle as Disc
 
 from pcjax.checks import check_between
+from pcjax.importing import named
 from pcjax.model.scenario import Scenario, usual_max_steps
 from pcjax.physics.state import INVALID, PASSED
 from pcjax.progress import progress_bar
-from pcjax.simulate.replay import Frames, Recording, check_in_sight, pick_trial, record
+from pcjax.simulate.replay import Frames, Recorded, Recording, check_in_sight, pick_trial, record
 from pcjax.simulate.stepping import safe_step
 from pcjax.view.contacts import touches
 from pcjax.view.labels import length_text
@@ -59,7 +62,8 @@ _TOUCHED = "#56b4e9"
 
 _DPI = 100
 
-_ENDINGS = {PASSED: "escaped", INVALID: "went wrong"}
+ENDINGS = {PASSED: "escaped", INVALID: "went wrong"}
+"""What is written where a trial ends so; else it is still inside."""
 
 
 def check_film(path: str | os.PathLike[str]) -> None:
@@ -93,11 +97,11 @@ def animate(
     title: str = "",
     units: str = "model",
     progress: bool = False,
-) -> Recording:
+) -> Recorded:
     """Films the end of one trial.
 
     Arguments:
-        scenario: the condition, from `pcjax.does` or `pcjax.eoen`.
+        scenario: the condition, from `pcjax.does`, `pcjax.eoen` or `Study.scenarios`.
         path: the file, .gif, .mp4 (needs ffmpeg) or .html.
         trial: which one; the same as trial `trial` of `pcjax.evaluate(seed=seed)`.
         pick: unless a trial is given, which of the first 200: the first that "escaped", the first
@@ -117,7 +121,8 @@ def animate(
 
     Raises:
         ValueError: a number or name out of range, no such trial, limbs that cross, an object that
-            does not fit, or a film that cannot be made.
+            does not fit, a film that cannot be made, or a hand in three dimensions where nothing
+            can be rendered.
 
     Example:
         >>> import pcjax
@@ -136,22 +141,86 @@ def animate(
             f"there may be 1 to {_MOST_FRAMES}"
         )
     scenario.check()
-    check_in_sight(scenario.drive)
+    camera: Camera = named(scenario.filmed_by)(scenario, dt)
     if max_steps is None:
         max_steps = usual_max_steps(scenario.body, scenario.drive)
-    dt = safe_step(scenario) if dt is None else dt
     if trial is None:
-        trial = pick_trial(scenario, pick, seed=seed, max_steps=max_steps, dt=dt, progress=progress)
-    recording = record(scenario, seed=seed, trial=trial, max_steps=max_steps, dt=dt)
+        trial = camera.pick(pick, seed=seed, max_steps=max_steps, progress=progress)
+    recording = camera.record(seed=seed, trial=trial, max_steps=max_steps)
     begin = max(recording.seconds - seconds, 0.0)
     count = max(math.ceil((recording.seconds - begin) / speed * fps), 1)
     times = np.linspace(begin, recording.seconds, count + 1)
-    film = _Film(recording, times, speed, title, units)
-    _save(film, len(times), Path(path), fps, progress)
+    with camera.film(recording, times, speed, title, units) as film:
+        _save(film, len(times), Path(path), fps, progress)
     return recording
 
 
-def _save(film: _Film, count: int, path: Path, fps: int, progress: bool) -> None:
+class Film(AbstractContextManager["Film"]):
+    """The figure of a film, and how each of its pictures is drawn."""
+
+    figure: Figure
+
+    def draw(self, k: int) -> tuple[()]:
+        """Picture `k`, in place of the one before."""
+        raise NotImplementedError
+
+    def __exit__(self, *_: object) -> None:
+        """Gives back what drawing takes."""
+
+
+class Camera:
+    """How trials of a kind of scenario are filmed; see `Scenario.filmed_by`.
+
+    Arguments:
+        scenario: the condition.
+        dt: the solver's step, s; as large as accuracy allows unless given.
+
+    Raises:
+        ValueError: it cannot be filmed.
+    """
+
+    def __init__(self, scenario: Any, dt: float | None):
+        raise NotImplementedError
+
+    def pick(self, pick: str, *, seed: int, max_steps: int, progress: bool) -> int:
+        """A trial worth a look; see `pick_trial`."""
+        raise NotImplementedError
+
+    def record(self, *, seed: int, trial: int, max_steps: int) -> Recorded:
+        """One trial, from its start to its end."""
+        raise NotImplementedError
+
+    def film(self, recording: Any, times: np.ndarray, speed: float, title: str, units: str) -> Film:
+        """The pictures at some times of a recorded trial."""
+        raise NotImplementedError
+
+
+class PlaneCamera(Camera):
+    """Films hands in the plane, in steps."""
+
+    def __init__(self, scenario: Scenario, dt: float | None):
+        check_in_sight(scenario.drive)
+        self._scenario = scenario
+        self._dt = safe_step(scenario) if dt is None else dt
+
+    def pick(self, pick: str, *, seed: int, max_steps: int, progress: bool) -> int:
+        """See `Camera`."""
+        return pick_trial(
+            self._scenario, pick, seed=seed, max_steps=max_steps, dt=self._dt, progress=progress
+        )
+
+    def record(self, *, seed: int, trial: int, max_steps: int) -> Recording:
+        """See `Camera`."""
+        return record(self._scenario, seed=seed, trial=trial, max_steps=max_steps, dt=self._dt)
+
+    def film(
+        self, recording: Recording, times: np.ndarray, speed: float, title: str, units: str
+    ) -> Film:
+        """See `Camera`."""
+        return _Film(recording, times, speed, title, units)
+
+
+def _save(film: Film, count: int, path: Path, fps: int, progress: bool) -> None:
     shown = list(range(count)) + [count - 1] * round(_HOLD * fps)
     animation = FuncAnimation(
         film.figure, film.draw, frames=shown, init_func=lambda: (), cache_frame_data=False
@@ -179,8 +248,8 @@ def _writer(path: Path, fps: int) -> AbstractMovieWriter:
     return HTMLWriter(fps=fps, embed_frames=True, default_mode="loop", embed_limit=1000)
 
 
-class _Film:
-    """The figure of a film, and how each of its pictures is drawn."""
+class _Film(Film):
+    """Pictures of a trial of a hand in the plane."""
 
     def __init__(
         self, recording: Recording, times: np.ndarray, speed: float, title: str, units: str
@@ -271,7 +340,7 @@ class _Film:
         write(self._text_at, low - 0.01, attitude, ha="center", va="top", fontsize=10)
         clock, colour = f"t = {frames.times[k]:.1f} s", "black"
         if k == len(frames.times) - 1:
-            ending = _ENDINGS.get(recording.status, "still inside")
+            ending = ENDINGS.get(recording.status, "still inside")
             clock, colour = f"{ending}\n{recording.seconds:.2f} s", COLOURS[1]
         write(self._text_at, 0.36, clock, ha="center", va="center", fontsize=12, color=colour)
 

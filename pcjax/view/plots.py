@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pcjax.importing import named
 from pcjax.physics.state import PAPER_DT
 from pcjax.results.evaluation import Evaluation
-from pcjax.results.schema import NAMES, length_unit_of
+from pcjax.results.schema import KINDS, NAMES, length_unit_of
 from pcjax.study.compare import Ranking
 from pcjax.view.dimension import draw_gap
 from pcjax.view.picture import Picture
@@ -20,15 +25,28 @@ _DIRECTION_COLOUR = {"does": COLOURS[0], "eoen": COLOURS[1]}
 
 def plot_evaluation(evaluation: Evaluation) -> Figure:
     """The hand in each direction evaluated, drawn to scale, beside the survival curves."""
-    directions = evaluation.directions
-    figure = Picture(figsize=(4.2 * len(directions) + 5.2, 4.4), layout="constrained")
+    hands = _hands_of(evaluation)
+    figure = Picture(figsize=(4.2 * len(hands) + 5.2, 4.4), layout="constrained")
     axes = figure.subplots(
-        1, len(directions) + 1, width_ratios=[1.0] * len(directions) + [1.25], squeeze=False
+        1, len(hands) + 1, width_ratios=[1.0] * len(hands) + [1.25], squeeze=False
     )[0]
-    for axis, direction in zip(axes, directions, strict=False):
-        draw_hand(axis, evaluation, direction)
+    for axis, draw in zip(axes, hands.values(), strict=False):
+        draw(axis)
     draw_survival(axes[-1], evaluation)
     return figure
+
+
+def _hands_of(evaluation: Evaluation) -> dict[str, Callable[[Axes], Any]]:
+    """What draws the hand, in each direction that was evaluated in which it can be drawn."""
+    return named(KINDS[evaluation.dataset.attrs["kind"]].hands_drawn_by)(evaluation)
+
+
+def hands_of(evaluation: Evaluation) -> dict[str, Callable[[Axes], Any]]:
+    """See `pcjax.results.schema.Kind`: of a hand in the plane."""
+    return {
+        direction: partial(draw_hand, evaluation=evaluation, direction=direction)
+        for direction in evaluation.directions
+    }
 
 
 def plot_ranking(ranking: Ranking) -> Figure:
@@ -42,7 +60,11 @@ def plot_ranking(ranking: Ranking) -> Figure:
     for axis in axes[len(names) :]:
         axis.set_axis_off()
     for place, (axis, name) in enumerate(zip(axes, names, strict=False), start=1):
-        draw_hand(axis, ranking.evaluations[name], ranking.evaluations[name].directions[0])
+        hands = _hands_of(ranking.evaluations[name])
+        for draw in list(hands.values())[:1]:
+            draw(axis)
+        if not hands:
+            axis.set_axis_off()
         value = ranking.value(name)
         what = "score" if ranking.by == "score" else "DoEs"
         estimate = f"{what} {value.value:{form}} [{value.low:{form}}, {value.high:{form}}]{unit}"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from pcjax.importing import mujoco
 from pcjax.model.spatial.bodies import Points, Solid
@@ -125,7 +125,39 @@ def frozen(hand: SpatialHand) -> FrozenHand:
     return _kept[key]
 
 
-def _freeze(hand: SpatialHand) -> FrozenHand:
+@dataclass(frozen=True)
+class Posed:
+    """A hand file's model in the hand's posture.
+
+    Attributes:
+        model, data: MuJoCo's, in the file's own frame.
+        origin, frame: of the hand, in that one.
+        below: of each body, whether it is the hand's.
+    """
+
+    model: Any
+    data: Any
+    origin: Float[np.ndarray, "3"]
+    frame: Float[np.ndarray, "3 3"]
+    below: Bool[np.ndarray, " bodies"]
+
+    def parts_of(self, geom: int) -> tuple[str, str]:
+        """The name of a geom and of its body."""
+        model = self.model
+        return model.geom(geom).name, model.body(model.geom_bodyid[geom]).name
+
+    def place_of(self, geom: int) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+        """A geom's centre and axes in the hand's frame."""
+        place = (self.data.geom_xpos[geom] - self.origin) @ self.frame
+        return place, self.frame.T @ self.data.geom_xmat[geom].reshape(3, 3)
+
+    def collides(self, geom: int) -> bool:
+        """Whether a geom is one that anything can touch."""
+        return bool(self.model.geom_contype[geom] or self.model.geom_conaffinity[geom])
+
+
+def posed(hand: SpatialHand) -> Posed:
+    """The hand's file in its posture."""
     mj, source = mujoco(), hand.source
     model = _scaled(hand) if hand.links else source.model
     data = mj.MjData(model)
@@ -133,8 +165,23 @@ def _freeze(hand: SpatialHand) -> FrozenHand:
         data.qpos[source.joints[joint][0]] = float(value)
     mj.mj_kinematics(model, data)
     root = model.body(hand.root).id if hand.root else 0
+    below = np.zeros(model.nbody, bool)
+    for body in range(model.nbody):  # parents come before their children
+        below[body] = body == root or (body > 0 and below[model.body_parentid[body]])
     origin, frame = data.xpos[root].copy(), data.xmat[root].reshape(3, 3).copy()
-    chosen = _colliding(hand, model, root)
+    return Posed(model, data, origin, frame, below)
+
+
+def _freeze(hand: SpatialHand) -> FrozenHand:
+    mj, there = mujoco(), posed(hand)
+    model, data = there.model, there.data
+    chosen = [
+        k
+        for k in range(model.ngeom)
+        if there.below[model.geom_bodyid[k]]
+        and there.collides(k)
+        and set(hand.exclude).isdisjoint(there.parts_of(k))
+    ]
     if not chosen:
         raise ValueError(
             f"no geom of {hand.root or 'the hand'} in {hand.file} collides (contype and "
@@ -143,10 +190,9 @@ def _freeze(hand: SpatialHand) -> FrozenHand:
     geoms = tuple(
         Geom(
             _name_of(model, k),
-            (model.geom(k).name, model.body(model.geom_bodyid[k]).name),
+            there.parts_of(k),
             _solid_of(mj, model, k),
-            (data.geom_xpos[k] - origin) @ frame,
-            frame.T @ data.geom_xmat[k].reshape(3, 3),
+            *there.place_of(k),
         )
         for k in chosen
     )
@@ -174,21 +220,6 @@ def _scaled(hand: SpatialHand) -> Any:
         for part in (*body.bodies, *body.joints):
             part.pos = np.asarray(part.pos) * factor
     return spec.compile()
-
-
-def _colliding(hand: SpatialHand, model: Any, root: int) -> list[int]:
-    """The geoms below the root that collide and are not excluded."""
-    below = np.zeros(model.nbody, bool)
-    for body in range(model.nbody):  # parents come before their children
-        below[body] = body == root or (body > 0 and below[model.body_parentid[body]])
-    excluded = set(hand.exclude)
-    return [
-        k
-        for k in range(model.ngeom)
-        if below[model.geom_bodyid[k]]
-        and (model.geom_contype[k] or model.geom_conaffinity[k])
-        and excluded.isdisjoint((model.geom(k).name, model.body(model.geom_bodyid[k]).name))
-    ]
 
 
 def _name_of(model: Any, geom: int) -> str:

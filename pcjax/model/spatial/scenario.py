@@ -13,7 +13,7 @@ from jaxtyping import Float
 from pcjax.checks import check_kind
 from pcjax.model.contact import ContactLaw
 from pcjax.model.scenario import Scenario
-from pcjax.model.spatial.bodies import SpatialBody
+from pcjax.model.spatial.bodies import Solid, SpatialBody
 from pcjax.model.spatial.frozen import FrozenHand, frozen
 from pcjax.model.spatial.hand import SpatialHand
 from pcjax.model.spatial.scene import Scene, clearances
@@ -42,6 +42,7 @@ class SpatialScenario(Scenario):
     mirrored: bool = eqx.field(static=True)
 
     dimensions = 3
+    filmed_by = "view.takes.SpatialCamera"
 
     def __init__(
         self,
@@ -93,10 +94,24 @@ class SpatialScenario(Scenario):
     def scene(self, dt: float) -> Scene:
         """The hand with the object in it, as MuJoCo simulates it in steps of `dt` seconds."""
         friction = 0.0 if self.law.friction is None else float(self.law.friction)
+        return Scene(self.seen(), self.drawn_solid(), float(self.law.restitution), friction, dt)
+
+    def drawn_solid(self) -> Solid:
+        """The object's shape, for EoEn in the mirror."""
         solid = self.body.solid()
         if self.mirrored and solid.vertices is not None:
             solid = replace(solid, vertices=solid.vertices * [1.0, 1.0, -1.0])
-        return Scene(self.seen(), solid, float(self.law.restitution), friction, dt)
+        return solid
+
+    def attitude(self, angles: Float[np.ndarray, "2"]) -> Float[np.ndarray, "3 3"]:
+        """What takes directions in the hand's frame to a world in which gravity points along -z,
+        for angles T1 and T2."""
+        turned = self.drive.attitude(angles)
+        if self.mirrored:
+            _, normal = self.hand.escape.opening
+            flip = np.eye(3) - 2 * np.outer(normal, normal)
+            turned = np.diag([-1.0, 1.0, 1.0]) @ turned @ flip
+        return turned
 
     def check(self) -> float:
         """Checks the hand and the starts; a gap is not known of a hand in three dimensions.
@@ -136,9 +151,13 @@ class SpatialScenario(Scenario):
         """What a picture in the plane needs: nothing."""
         return {}
 
-    def sizes(self) -> dict[str, float]:
-        """What results keep of the object's and the hand's sizes."""
-        return {"radius": self.body.radius, "object_width": self.body.width}
+    def sizes(self) -> dict[str, Any]:
+        """What results keep of the object's and the hand's sizes, and of the hand's file."""
+        return {
+            "radius": self.body.radius,
+            "object_width": self.body.width,
+            "hand_digest": self.hand.digest,
+        }
 
     @property
     def key(self) -> tuple[Any, ...]:

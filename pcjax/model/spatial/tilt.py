@@ -96,6 +96,14 @@ class SpatialTilt(Drive):
         (s1, s2), (c1, c2) = np.sin(angles).T, np.cos(angles).T
         return float(self.gravity) * np.stack([s1, -c1 * s2, -c1 * c2], axis=1) @ self.axes().T
 
+    def attitude(self, angles: Float[np.ndarray, "2"]) -> Float[np.ndarray, "3 3"]:
+        """What takes directions in the hand's frame to a world in which gravity points along -z:
+        the hand has turned about x by T2, and then about y by T1, of the axes above."""
+        (s1, s2), (c1, c2) = np.sin(angles), np.cos(angles)
+        about_y = np.array([[c1, 0, s1], [0, 1, 0], [-s1, 0, c1]])
+        about_x = np.array([[1, 0, 0], [0, c2, -s2], [0, s2, c2]])
+        return about_y @ about_x @ self.axes().T
+
     def top_speed(self, reach: float) -> float:
         """Of a fall through a hand of that length, m / s."""
         return math.sqrt(2 * float(self.gravity) * reach)

@@ -13,7 +13,7 @@ import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import jax
@@ -148,17 +148,18 @@ def _step_for(scenario: Scenario) -> float:
 
 @dataclass
 class Film:
-    """Where the object was in some trials.
+    """Where the object was in a trial, step for step.
 
     Attributes:
-        times: since the trial began, s.
-        states: place and unit quaternion at those times, in the hand's frame, of each trial.
-        pulls: gravity then, m / s^2.
+        states: place and unit quaternion in the hand's frame at the start and, in parts, after each
+            step.
+        targets: the drive's draws for each period.
+        seconds: when it ended.
     """
 
-    times: list[float]
-    states: list[Float[np.ndarray, "trials 7"]]
-    pulls: list[Float[np.ndarray, "trials 3"]]
+    states: list[Float[np.ndarray, "steps 7"]] = field(default_factory=list)
+    targets: list[Float[np.ndarray, " targets"]] = field(default_factory=list)
+    seconds: float = math.nan
 
 
 def run_trials(
@@ -182,14 +183,18 @@ def run_trials(
         dt: the step, s, a whole number of which is the drive's period.
         threads: one per core unless given.
         on_end: told how many more trials have ended.
-        film: to be filled with where the objects are, every `_GRAVITY_EVERY` seconds.
+        film: to be filled with where the object is, of one trial.
     """
     run = _Run(scenario, np.asarray(trials), seed, dt, max_steps * PAPER_DT, threads)
+    if film is not None:
+        film.states.append(run.states.copy())
     with _no_log():
         while run.going.size:
             before = run.going.size
             run.advance(film)
             on_end(before - run.going.size)
+    if film is not None:
+        film.seconds = float(run.seconds[0])
     return run.ends()
 
 
@@ -198,6 +203,8 @@ class _Run:
 
     Attributes:
         going: places, among the trials, of those that have not ended.
+        states: where each was last seen.
+        seconds: when each ended.
     """
 
     def __init__(
@@ -224,10 +231,10 @@ class _Run:
         places = self._batch.bind("qpos")
         draws = _start_draws(seed, trials, scenario.draws_for_start)
         places[:] = scenario.hand.start.places(draws)
-        self._states = np.array(places)
+        self.states = np.array(places)
         self._before = self._draws = np.zeros((len(trials), drive.targets_per_period))
         self._step = 0
-        self._seconds = np.full(len(trials), limit)
+        self.seconds = np.full(len(trials), limit)
         self._status = np.full(len(trials), RUNNING, np.uint8)
         self.going = np.arange(len(trials))
 
@@ -238,8 +245,10 @@ class _Run:
             period = self._step // self._period
             self._before = self._draws
             self._draws = _period_draws(self._seed, self._trials, period, self._before.shape[1])
+            if film is not None:
+                film.targets.append(self._draws[0])
         count = min(
-            self._few if phase < self._ramp or film is not None else _CHUNK,
+            self._few if phase < self._ramp else _CHUNK,
             self._ramp - phase if phase < self._ramp else self._period,
             self._period - phase,
             self._last - self._step,
@@ -249,12 +258,7 @@ class _Run:
         angles = drive.angles(
             self._before[ids], self._draws[ids], middle, self._step < self._period
         )
-        pull = self._scenario.pull(angles)
-        self._gravity[ids] = pull
-        if film is not None:
-            film.times.append(self._step * self._dt)
-            film.states.append(self._states.copy())
-            film.pulls.append(pull)
+        self._gravity[ids] = self._scenario.pull(angles)
         try:
             record = self._batch.rollout(count, record=("qpos", "sensordata"), ids=ids)
         except Exception as error:  # mujoco.SimulationError, of some of them
@@ -262,8 +266,10 @@ class _Run:
                 raise
             self._end(ids, np.full(len(ids), self._step), INVALID)
             return
-        states = np.concatenate([self._states[ids, None], record["qpos"]], axis=1)
-        self._states[ids] = states[:, -1]
+        states = np.concatenate([self.states[ids, None], record["qpos"]], axis=1)
+        if film is not None:
+            film.states.append(states[0, 1:])
+        self.states[ids] = states[:, -1]
         self._look(ids, states, -record["sensordata"][..., 0], count)
         self._step += count
         if self._step >= self._last:
@@ -295,13 +301,13 @@ class _Run:
         return (places @ planes[:, :3].T + planes[:, 3]).max(axis=-1)
 
     def _end(self, which: Any, steps: Any, status: int) -> None:
-        self._seconds[which] = np.minimum(np.asarray(steps) * self._dt, self._limit)
+        self.seconds[which] = np.minimum(np.asarray(steps) * self._dt, self._limit)
         self._status[which] = status
         self.going = np.flatnonzero(self._status == RUNNING)
 
     def ends(self) -> tuple[np.ndarray, np.ndarray]:
         """The paper's steps in which they ended, and how."""
-        return paper_steps(self._seconds).astype(np.int32), self._status
+        return paper_steps(self.seconds).astype(np.int32), self._status
 
 
 @functools.partial(jax.jit, static_argnums=2)

@@ -10,7 +10,7 @@ from pcjax.design.parameters import Limit, linear_limit
 from pcjax.model.hand import HandDesign
 from pcjax.study.spec import Study
 from pcjax.units import with_unit
-from pcjax.view.web.dials import parameters_of
+from pcjax.view.web.dials import Dial, dials_of, parameters_of
 
 _KEPT = 200
 """Changes that can be undone."""
@@ -47,6 +47,14 @@ class Desk:
         """A study that has just been opened."""
         lengths, angles = study.hand.lengths, study.hand.angles
         return cls(study, study, name, mirrored=lengths[0] == lengths[1] and angles[0] == angles[1])
+
+    def doubt(self) -> str:
+        """Why a design that can be evaluated breaks a limit; else ""."""
+        return doubt_of(self.study, self.clearance, self.limits)
+
+    def dials(self) -> list[Dial]:
+        """What can be turned of the design."""
+        return dials_of(self.study, mirrored=self.mirrored)
 
     def kept(self) -> dict[str, Any]:
         """All of it, for a page that is loaded again; lists of its own."""

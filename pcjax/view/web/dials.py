@@ -78,7 +78,13 @@ def dials_of(study: Study, *, mirrored: bool) -> list[Dial]:
         study: whose.
         mirrored: whether both fingers turn together, where they are alike.
     """
-    found = list(_of_hand(study, mirrored=mirrored and alike(study.hand)))
+    hand = _of_hand(study, mirrored=mirrored and alike(study.hand))
+    return [*hand, *dials_of_components(study)]
+
+
+def dials_of_components(study: Study) -> list[Dial]:
+    """The numbers of all but the hand that can be turned."""
+    found = []
     for label, (table, what) in names(study.components).items():
         if table not in GROUPS:
             continue

@@ -5,6 +5,7 @@ from __future__ import annotations
 from asyncio import to_thread
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from nicegui import app, events, ui
 
@@ -14,13 +15,27 @@ from pcjax.view.web.canvas import Canvas
 from pcjax.view.web.desk import Desk
 from pcjax.view.web.files import EXPORTS, STUDIES, listed, open_study, save_study
 from pcjax.view.web.improve import Improve
+from pcjax.view.web.looks import AT_REST, experiment_of
 from pcjax.view.web.numbers import Curves, Numbers
 from pcjax.view.web.panel import Panel
 from pcjax.view.web.studio import Studio
 from pcjax.view.web.watch import Watch
 from pcjax.view.web.where import Where
 
+S = TypeVar("S", bound=Studio)
+
 STYLE = Path(__file__).with_name("style.css")
+
+
+def warm_up(study: Study) -> None:
+    """Compiles what the page runs, so that the first move does not have to wait for it.
+
+    Raises:
+        ValueError: the study cannot be evaluated.
+    """
+    experiment = experiment_of(study)
+    for trials in AT_REST[:3]:
+        experiment.go_on(trials)
 
 
 async def page(study: Study, name: str, folder: Path) -> None:
@@ -30,27 +45,9 @@ async def page(study: Study, name: str, folder: Path) -> None:
         study, name: what it begins with, and the name of its file.
         folder: where files may be read and written.
     """
-    ui.add_css(STYLE)
-    dark = ui.dark_mode(None)
-    await ui.context.client.connected()
-    if not ui.context.client.has_socket_connection:
-        return  # whoever asked has gone, or is no browser
-    kept = app.storage.tab
-    desk = Desk.again(kept["desk"]) if "desk" in kept else Desk.of(study, name)
-
-    def keep(desk: Desk) -> None:
-        kept["desk"] = desk.kept()
-
-    studio = Studio(desk, folder, keep)
-    client = ui.context.client
-
-    def refused(why: str) -> None:
-        with client:  # it may be said by what goes on in the background
-            ui.notify(why, type="negative", multi_line=True)
-
-    studio.refused = refused
-    client.on_delete(partial(_close, studio))
-    _bar(studio, dark)
+    studio = await opened(study, name, folder, Studio)
+    if studio is None:
+        return
     with ui.element("main").classes("columns"):
         with ui.element("div").classes("stack"):
             with ui.element("section").classes("card hand"):
@@ -62,6 +59,38 @@ async def page(study: Study, name: str, folder: Path) -> None:
             Numbers(studio)
             _tabs(studio, canvas)
     studio.tell()
+
+
+async def opened(study: Study, name: str, folder: Path, kind: type[S]) -> S | None:
+    """What every page has: a design that outlasts a reload, and the bar; None if whoever asked has
+    gone.
+
+    Arguments:
+        study, name, folder: as for `page`.
+        kind: of the studio.
+    """
+    ui.add_css(STYLE)
+    dark = ui.dark_mode(None)
+    await ui.context.client.connected()
+    if not ui.context.client.has_socket_connection:
+        return None  # or it is no browser
+    kept = app.storage.tab
+    desk = kind.desks.again(kept["desk"]) if "desk" in kept else kind.desks.of(study, name)
+
+    def keep(desk: Desk) -> None:
+        kept["desk"] = desk.kept()
+
+    studio = kind(desk, folder, keep)
+    client = ui.context.client
+
+    def refused(why: str) -> None:
+        with client:  # it may be said by what goes on in the background
+            ui.notify(why, type="negative", multi_line=True)
+
+    studio.refused = refused
+    client.on_delete(partial(_close, studio))
+    _bar(studio, dark)
+    return studio
 
 
 def _close(studio: Studio) -> None:
@@ -104,7 +133,7 @@ def _bar(studio: Studio, dark: ui.dark_mode) -> None:
             export.props["aria-label"] = "export"
             export.props["data-testid"] = "export"
             with ui.menu():
-                for ending in EXPORTS:
+                for ending in studio.exports:
                     item = ui.menu_item(ending.upper(), partial(_export, studio, ending))
                     item.props["data-testid"] = f"export-{ending}"
         shade = ui.button(icon="contrast", on_click=partial(_shade, dark)).props("flat dense")
@@ -162,6 +191,9 @@ async def _open(studio: Studio) -> None:
         study, doubts = await to_thread(open_study, studio.folder, name)
     except ValueError as error:
         studio.refused(str(error))
+        return
+    if study.dimensions != studio.desk.study.dimensions:
+        studio.refused(f"the page of {name.strip()} is another one: pcjax view {name.strip()}")
         return
     # A drawing is not written over: its study is to be saved under another name.
     studio.open(study, name.strip() if name.strip().lower().endswith(".toml") else "")

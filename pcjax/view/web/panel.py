@@ -9,7 +9,7 @@ from nicegui import events, ui
 
 from pcjax.study.spec import Study
 from pcjax.view.web.desk import limits_of
-from pcjax.view.web.dials import GROUPS, Dial, alike, dials_of
+from pcjax.view.web.dials import GROUPS, Dial, alike
 from pcjax.view.web.studio import Studio
 
 
@@ -29,31 +29,36 @@ class Panel:
     def _build(self) -> None:
         self._all.clear()
         self._rows, self._shown = {}, {}
-        desk = self.studio.desk
-        dials = dials_of(desk.study, mirrored=desk.mirrored)
+        dials = self.studio.desk.dials()
         with self._all:
-            both = ui.switch("both fingers together", value=desk.mirrored)
-            both.props["data-testid"] = "mirrored"
-            both.set_enabled(alike(desk.study.hand))
-            both.on_value_change(self._mirror)
+            self._switches()
             for group, title in GROUPS.items():
                 mine = [dial for dial in dials if dial.group == group]
                 if mine:
                     with ui.expansion(title, value=group in ("hand", "body")).classes("group"):
                         for dial in mine:
                             self._row(dial)
-            with ui.expansion("Limits").classes("group"):
-                with ui.element("div").classes("line"):
-                    ui.label("clearance [palm lengths]")
-                    least = ui.number(value=desk.clearance, min=0.0, max=1.0, step=0.01)
-                    least.props["aria-label"] = "clearance in palm lengths"
-                    least.on_value_change(self._clear)
-                words = (
-                    "linear limits, a line each, such as fingertip_length + 0.5 gap_width <= 200"
-                )
-                limits = ui.textarea(words, value="\n".join(desk.limits)).props("dense autogrow")
-                limits.props["data-testid"] = "limits"
-                limits.on("blur", lambda: self._limit(str(limits.value or "")))
+            self._limits()
+
+    def _switches(self) -> None:
+        desk = self.studio.desk
+        both = ui.switch("both fingers together", value=desk.mirrored)
+        both.props["data-testid"] = "mirrored"
+        both.set_enabled(alike(desk.study.hand))
+        both.on_value_change(self._mirror)
+
+    def _limits(self) -> None:
+        desk = self.studio.desk
+        with ui.expansion("Limits").classes("group"):
+            with ui.element("div").classes("line"):
+                ui.label("clearance [palm lengths]")
+                least = ui.number(value=desk.clearance, min=0.0, max=1.0, step=0.01)
+                least.props["aria-label"] = "clearance in palm lengths"
+                least.on_value_change(self._clear)
+            words = "linear limits, a line each, such as fingertip_length + 0.5 gap_width <= 200"
+            limits = ui.textarea(words, value="\n".join(desk.limits)).props("dense autogrow")
+            limits.props["data-testid"] = "limits"
+            limits.on("blur", lambda: self._limit(str(limits.value or "")))
 
     def _row(self, dial: Dial) -> None:
         with ui.element("div").classes("line"):
@@ -80,8 +85,7 @@ class Panel:
 
     def _update(self, moving: bool) -> None:
         """The numbers as they are now."""
-        desk = self.studio.desk
-        dials = dials_of(desk.study, mirrored=desk.mirrored)
+        dials = self.studio.desk.dials()
         if {dial.label for dial in dials} != set(self._rows):
             self._build()
             return

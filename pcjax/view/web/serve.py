@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import importlib
 import importlib.util
 import os
 import socket
@@ -13,7 +14,6 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from pcjax.study.spec import Study
-from pcjax.view.web.looks import AT_REST, experiment_of
 
 HOST = "127.0.0.1"
 
@@ -105,17 +105,6 @@ def check_web() -> None:
         raise ValueError("the page needs the package nicegui: pip install 'pcjax[view]'")
 
 
-def warm_up(study: Study) -> None:
-    """Compiles what the page runs, so that the first move does not have to wait for it.
-
-    Raises:
-        ValueError: the study cannot be evaluated.
-    """
-    experiment = experiment_of(study)
-    for trials in AT_REST[:3]:
-        experiment.go_on(trials)
-
-
 def serve(
     study: Study, *, name: str = "", folder: Path, port: int | None = None, browser: bool = True
 ) -> None:
@@ -128,20 +117,19 @@ def serve(
         browser: whether to open it in a browser.
 
     Raises:
-        ValueError: no nicegui, no such port, or a study that cannot be evaluated.
+        ValueError: no nicegui, no such port, or a study that cannot be evaluated or drawn.
     """
     check_web()
     free_port(port)  # before the work
-    warm_up(study)
-    port = free_port(port)
     # It keeps no file: what a page has to know again is in memory, by the browser's tab.
     os.environ.setdefault("NICEGUI_STORAGE_PATH", os.devnull)
+    pages = importlib.import_module(f"pcjax.{study.page_in}")
+    pages.warm_up(study)
+    port = free_port(port)
     from nicegui import app, ui
 
-    from pcjax.view.web.page import page
-
     async def root() -> None:
-        await page(study, name, folder)
+        await pages.page(study, name, folder)
 
     def ready() -> None:
         print(f"the page is at http://{HOST}:{port}/ (Ctrl-C ends it)", file=sys.stderr, flush=True)

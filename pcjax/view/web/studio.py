@@ -8,6 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from nicegui import background_tasks
 
@@ -15,8 +16,9 @@ from pcjax.quality.indices import Estimate
 from pcjax.results.evaluation import Evaluation
 from pcjax.study.evaluate import Experiment
 from pcjax.study.spec import Study
-from pcjax.view.web.desk import Desk, doubt_of, problem_of
+from pcjax.view.web.desk import Desk, problem_of
 from pcjax.view.web.dials import turned
+from pcjax.view.web.files import EXPORTS
 from pcjax.view.web.looks import AT_REST, MOVING, experiment_of
 
 
@@ -84,7 +86,17 @@ class Studio:
         desk: the design.
         folder: where files may be read and written.
         keep: told what to keep for when the page is loaded again.
+
+    Attributes:
+        desks: the kind of its desk.
+        moving, at_rest: how many trials it looks at while something is dragged, and then.
+        exports: what can be downloaded.
     """
+
+    desks: ClassVar[type[Desk]] = Desk
+    moving: ClassVar[tuple[int, ...]] = MOVING
+    at_rest: ClassVar[tuple[int, ...]] = AT_REST
+    exports: ClassVar[tuple[str, ...]] = tuple(EXPORTS)
 
     def __init__(self, desk: Desk, folder: Path, keep: Callable[[Desk], None]):
         self.desk, self.folder, self._keep = desk, folder, keep
@@ -158,7 +170,7 @@ class Studio:
 
     def open(self, study: Study, name: str) -> None:
         """Another study in place of this one."""
-        self.desk = Desk.of(study, name)
+        self.desk = self.desks.of(study, name)
         self._pinned = None
         self._check()
         self.rename(name)
@@ -174,9 +186,8 @@ class Studio:
             told()
 
     def _check(self) -> None:
-        study = self.desk.study
-        self.problem = problem_of(study)
-        self.doubt = "" if self.problem else doubt_of(study, self.desk.clearance, self.desk.limits)
+        self.problem = problem_of(self.desk.study)
+        self.doubt = "" if self.problem else self.desk.doubt()
 
     def tell(self, *, moving: bool = False) -> None:
         """Tells everybody of the design, and begins to follow it."""
@@ -206,7 +217,7 @@ class Studio:
         done = 0
         while done != self._turn and not self.closed:
             done, began = self._turn, self._changed
-            study, looks = self.desk.study, MOVING if self._moving else AT_REST
+            study, looks = self.desk.study, self.moving if self._moving else self.at_rest
             if self.problem:
                 continue
             try:
