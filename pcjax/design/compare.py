@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from pcjax.design.space import Design, DesignSpace
+from pcjax.design.space import Design, Space
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import PAPER_DT
@@ -135,7 +135,7 @@ def _bounds(
 
 def compare(
     surrogate: Surrogate,
-    space: DesignSpace,
+    space: Space,
     designs: Sequence[Design],
     *,
     trials: int,
