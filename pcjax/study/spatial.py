@@ -19,6 +19,7 @@ from pcjax.model.spatial.regions import ESCAPES, Escape, StartBox
 from pcjax.model.spatial.scenario import SpatialScenario, check_spatial, why_no_spatial_eoen
 from pcjax.model.spatial.tilt import SPATIAL_DRIVES
 from pcjax.quality.spatial import SpatialTask
+from pcjax.results.files import digest
 from pcjax.study.spec import Run, Study
 from pcjax.study.tables import Reader
 from pcjax.study.vary import names
@@ -225,6 +226,12 @@ class SpatialStudy(Study):
             "drive": {"kind": SPATIAL_DRIVES.kind_of(self.drive)} | self.drive.as_table(),
             "contact": {key: law[key] for key in _OF_CONTACT if key in law},
         }
+
+    @property
+    def files_digest(self) -> str:
+        """Of the hand's file, and of the object's if it has one."""
+        vertices = self.body.solid().vertices
+        return self.hand.digest + ("" if vertices is None else digest(vertices.tobytes()))
 
     def run_table(self) -> dict[str, Any]:
         """How it is tried, as a table."""

@@ -492,6 +492,11 @@ class Study:
             "contact": self.law.as_table(),
         }
 
+    @property
+    def files_digest(self) -> str:
+        """Of the files that the study is made of, beside its own; "" if there are none."""
+        return ""
+
     def run_table(self) -> dict[str, Any]:
         """How it is tried, as a table."""
         return self.run.as_table()
