@@ -15,9 +15,9 @@ from pcjax.design.checkpoint import Progress
 from pcjax.design.compare import Comparison, compare, compare_hands
 from pcjax.design.space import Design, Space
 from pcjax.design.starts import Start
-from pcjax.model.hand import HandDesign
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate
+from pcjax.quality.task import Hand
 from pcjax.results.tables import estimate_text, in_columns, interval_text, wrapped
 from pcjax.showing import Shown
 
@@ -149,7 +149,7 @@ class Optimum(Shown):
     trials: int
     invalid: int
     interrupted: bool
-    start_hand: HandDesign
+    start_hand: Hand
     moved: bool
     notes: tuple[str, ...]
     tried: Sequence[Design] = ()

@@ -100,7 +100,7 @@ class PostureSpace(Space):
     why_no_gradient = "MuJoCo's trials have none; take method 'model', 'grid' or 'cma'"
     shown_finely = False
     looks = 32
-    cuts = 5, 2
+    cuts = 3, 2
 
     def __post_init__(self) -> None:
         taken: dict[tuple[str, str], str] = {}
@@ -249,9 +249,8 @@ class PostureSpace(Space):
             raise ValueError(
                 f"no allowed hand was found near {self.describe(wanted)}: {self.wrong_with(wanted)}"
             )
-        rounds, _ = self.cuts
         share = 0.0
-        for step in 0.5 ** np.arange(1, rounds + 1):
+        for step in 0.5 ** np.arange(1, 7):
             if self.allowed(begin + (share + step) * (wanted - begin)):
                 share += step
         return begin + share * (wanted - begin)

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from pcjax.design.space import Design, Space
-from pcjax.model.hand import HandDesign
 from pcjax.quality.surrogate import Surrogate
+from pcjax.quality.task import Hand
 from pcjax.words import InputWarning
 
 _LOOKED_AT = 1024
@@ -29,7 +29,7 @@ class Start:
         notes: what is wrong with the given hand, a line each.
     """
 
-    hand: HandDesign
+    hand: Hand
     design: Design
     moved: bool = False
     notes: tuple[str, ...] = ()

@@ -40,7 +40,7 @@ from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import INVALID, PAPER_DT
 from pcjax.quality.cloud import settled_cloud
-from pcjax.quality.task import Task
+from pcjax.quality.task import Hand, Task
 from pcjax.simulate.batch import LaneEngine, run
 from pcjax.simulate.choose import engine_for
 from pcjax.simulate.engine import Engine
@@ -171,7 +171,7 @@ class Surrogate:
         return replace(scenario, law=law)
 
     def sample(
-        self, hands: Sequence[HandDesign], seed: int, bases: Sequence[HandDesign] | None = None
+        self, hands: Sequence[Hand], seed: int, bases: Sequence[Hand] | None = None
     ) -> Sample:
         """Runs the same trials with every hand.
 

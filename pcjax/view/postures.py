@@ -20,18 +20,18 @@ _HANDS = 4
 
 
 def plot_optimum(data: tuple[Optimum, PostureSpace, Surrogate]) -> Figure:
-    """The hand before and after with the object at the middle of its starts, and the scores along
-    the way."""
+    """The hand before and after with the object at the middle of its starts, seen from the same
+    side, and the scores along the way."""
     found, space, surrogate = data
-    figure = Picture(figsize=(14.5, 4.6), layout="constrained")
-    start, best, history = np.ravel(figure.subfigures(1, 3, width_ratios=[1, 1, 1.25]))
-    name = "moved start" if found.moved else "start"
-    for part, hand, score, what in (
-        (start, found.start_hand, found.start_score, name),
-        (best, space.hand(found.best), found.best_score, "best"),
-    ):
-        _draw(part, hand, surrogate, f"{what}: {score.value:,.4g}")
-    draw_history(history.subplots(), found, surrogate)
+    figure = Picture(figsize=(14.5, 4.4), layout="constrained")
+    start, best, history = figure.subplots(1, 3, width_ratios=[1, 1, 1.25])
+    hands = [found.start_hand, space.hand(found.best)]
+    titles = [
+        f"{'moved start' if found.moved else 'start'}: {found.start_score.value:,.4g}",
+        f"best: {found.best_score.value:,.4g}",
+    ]
+    _draw([start, best], hands, titles, surrogate)
+    draw_history(history, found, surrogate)
     return figure
 
 
@@ -44,15 +44,18 @@ def plot_front(data: tuple[Front, PostureSpace, Surrogate]) -> Figure:
     figure = Picture(figsize=(13.5, 5.0), layout="constrained")
     left, right = np.ravel(figure.subfigures(1, 2, width_ratios=[1.0, 1.25]))
     draw_front(left.subplots(), found, shown)
-    parts = np.ravel(right.subfigures(2, -(-len(shown) // 2), squeeze=False))
-    for part, k in zip(parts, shown, strict=False):
-        _draw(part, space.hand(found.members[k].design), surrogate, str(k + 1))
+    axes = right.subplots(2, -(-len(shown) // 2), squeeze=False).ravel()
+    hands = [space.hand(found.members[k].design) for k in shown]
+    _draw(axes, hands, [str(k + 1) for k in shown], surrogate)
+    for axis in axes[len(shown) :]:
+        axis.set_axis_off()
     return figure
 
 
-def _draw(figure: Any, hand: Any, surrogate: Surrogate, title: str) -> None:
+def _draw(axes: Any, hands: Any, titles: list[str], surrogate: Surrogate) -> None:
     from pcjax.view.spatial import draw_hand
 
-    axis = figure.add_subplot(projection="3d")
-    draw_hand(axis, surrogate.task.scenarios(hand)[0])
-    axis.set_title(title)
+    azimuth = None
+    for axis, hand, title in zip(axes, hands, titles, strict=False):
+        (scenario, *_) = surrogate.task.scenarios(hand)
+        azimuth = draw_hand(axis, scenario, azimuth=azimuth, title=title)
