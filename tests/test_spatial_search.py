@@ -33,14 +33,22 @@ from pcjax.sweep.store import Store
 pytest.importorskip("mujoco.batch")
 
 TIPS = "posture.tip1+tip2+tip3"
-LIMIT = 10_000
+LIMIT = 2_000
+"""A period of the tilt, which is shorter here than usual."""
+
+
+@pytest.fixture(autouse=True)
+def _few_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A look takes milliseconds."""
+    monkeypatch.setattr(PostureSpace, "looks", 8)
 
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
-    """The example's study, to a lower limit."""
-    path = tmp_path / "study.toml"
-    path.write_text(example("mujoco").replace("60_000", str(LIMIT)))
+    """The example's study, with short periods and to a lower limit."""
+    path, text = tmp_path / "study.toml", example("mujoco").replace("60_000", str(LIMIT))
+    text = text.replace("ramp_time = 1.0", "ramp_time = 0.5").replace("period = 10.0", "period = 2")
+    path.write_text(text)
     return path
 
 
@@ -51,7 +59,7 @@ def study(file: Path = spatial.PRESETS["three-finger"]) -> spatial.Study:
         root="palm",
         posture={f"tip{k}": math.radians(20.0) for k in (1, 2, 3)},
     )
-    drive = spatial.Tilt(math.radians(60.0), rest=(1.0, 0.0, 0.0))
+    drive = spatial.Tilt(math.radians(60.0), (1.0, 0.0, 0.0), ramp_time=0.5, period=2.0)
     return spatial.Study(hand, spatial.Sphere(0.024), drive, run=pcjax.Run(max_steps=LIMIT))
 
 
