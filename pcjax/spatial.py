@@ -18,6 +18,7 @@ Examples:
     0
 """
 
+from pcjax.design.postures import PostureSpace, posture_space
 from pcjax.model.spatial.bodies import Box, Cylinder, Ellipsoid, Mesh, Sphere
 from pcjax.model.spatial.bodies import SpatialCapsule as Capsule
 from pcjax.model.spatial.hand import PRESETS
@@ -39,9 +40,11 @@ __all__ = [
     "Mesh",
     "MuJoCo",
     "PlaneEscape",
+    "PostureSpace",
     "Scenario",
     "Sphere",
     "StartBox",
     "Study",
     "Tilt",
+    "posture_space",
 ]

@@ -12,6 +12,7 @@ from typing import Any
 
 from pcjax.cli.parts import as_flags_say, number, whole
 from pcjax.components import Component, Quantity, quantities
+from pcjax.design import postures
 from pcjax.design.parameters import HELP, labelled
 from pcjax.model.bodies.base import BODIES
 from pcjax.model.contact import ContactLaw
@@ -152,7 +153,7 @@ def condition(arguments: argparse.Namespace) -> Study:
     return as_flags_say(study, arguments)
 
 
-PARAMETERS = HELP.replace("_deg", "").replace("_", "-")
+PARAMETERS = HELP.replace("_deg", "").replace("_", "-") + f"; in three dimensions {postures.HELP}"
 """What a parameter may be called on the command line: angles are in degrees in all of it."""
 
 
@@ -177,11 +178,3 @@ def limit_flag(text: str) -> str:
         return label if label.endswith("_deg") else word.group()
 
     return re.sub(r"[a-z][a-z0-9_-]*", named, text)
-
-
-def usual_parameters(study: Study) -> tuple[str, str]:
-    """The two parameters of a hand that one looks at first."""
-    limbs = min(len(lengths) for lengths in study.hand.lengths)
-    if limbs > 2:
-        return "fingertip_angle", "fingertip_length"
-    return "joint_angle_1", "joint_angle_2" if limbs == 2 else "link_length_1"

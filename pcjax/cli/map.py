@@ -16,7 +16,6 @@ from pcjax.cli.condition import (
     add_condition,
     condition,
     parameter_flag,
-    usual_parameters,
 )
 from pcjax.cli.parts import (
     add_experiment,
@@ -27,9 +26,7 @@ from pcjax.cli.parts import (
     settle_outputs,
     whole,
 )
-from pcjax.design.map import MapPlan, Number
-from pcjax.design.parameters import Parameter, labelled, parameter
-from pcjax.design.space import DesignSpace
+from pcjax.design.map import MapPlan, Number, Side
 from pcjax.importing import xr
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import OBJECTIVES, Surrogate
@@ -82,8 +79,8 @@ def add_map(parser: argparse.ArgumentParser) -> None:
         dest="trials_each",  # not those of the study: they are for evaluations of one hand
         metavar="TRIALS",
         type=whole,
-        default=400,
-        help="trials of each hand and direction",
+        default=None,
+        help="trials of each hand and direction (default: 400; in three dimensions 100)",
     )
     add(
         "--objective",
@@ -108,20 +105,17 @@ def _run(arguments: argparse.Namespace) -> None:
     check_picture(arguments.plot)
     check_data(arguments.out, _DATA)
     study = replace(condition(arguments), objective=Objective())  # that of one best hand
-    usual = usual_parameters(study)
-    asked = (arguments.x or (usual[0], None), arguments.y or (usual[1], None))
+    asked = _asked(study, arguments)
     sides = [_side(study, name, bounds) for name, bounds in asked]
     if sides[0].label == sides[1].label:
         raise ValueError(f"--x and --y are both {sides[0].label}: they have to differ")
-    free = [side for side in sides if isinstance(side, Parameter)]
-    # Where neither is the hand's, that stays as it is: one length of it stands for all.
-    free = free or [parameter("link_length_11", study.hand)]
-    space = DesignSpace(study.hand, tuple(free), 0.0, float(study.body.width), (), study.directions)
+    space = study.map_space([side for side in sides if not isinstance(side, Number)])
+    trials = study.trials_of_map if arguments.trials_each is None else arguments.trials_each
     surrogate = Surrogate(
         task_of(study),
         objective=arguments.objective,
         form="exact",
-        trials=arguments.trials_each,
+        trials=trials,
         dt=study.run.dt,
     )
     plan = MapPlan.of(
@@ -154,12 +148,31 @@ def _run(arguments: argparse.Namespace) -> None:
         print(f"{data.attrs['wall_seconds']:.1f} s; picture: {arguments.plot}")
 
 
-def _side(study: Study, name: str, bounds: tuple[float, float] | None) -> Parameter | Number:
+Asked = tuple[str, tuple[float, float] | None]
+"""A name and its bounds, where they are given."""
+
+
+def _asked(study: Study, arguments: argparse.Namespace) -> tuple[Asked, Asked]:
+    """What is along x and y."""
+    sides: list[Asked | None] = [arguments.x, arguments.y]
+    for k, flag in enumerate(("--x", "--y")):
+        if sides[k] is None:
+            usual = study.usual_free
+            if len(usual) <= k:
+                raise ValueError(f"say what is along {flag}: the study's posture names one joint")
+            sides[k] = usual[k], None
+    x, y = sides
+    assert x is not None
+    assert y is not None
+    return x, y
+
+
+def _side(study: Study, name: str, bounds: tuple[float, float] | None) -> Side:
     """What is along a side: a parameter of the hand, or a number of the study's."""
     known = names(study.components)
-    label = study.full_name(labelled(name))
+    label = study.label_of(name)
     if label != "start_spread" and label not in known:
-        return parameter(label, study.hand, *(bounds or (None, None)))
+        return study.parameter(label, bounds)
     if label == "start_spread":
         current: float | None = study.run.start_spread
     else:
@@ -175,7 +188,11 @@ def _side(study: Study, name: str, bounds: tuple[float, float] | None) -> Parame
     if not low < high:
         raise ValueError(f"{name} is free from {low:g} to {high:g}: the bounds are out of order")
     for value in bounds:
-        study.having({label: value})
+        if study.having({label: value}).hand is not study.hand:
+            raise ValueError(
+                f"a map cannot have {name} along a side: it says how the hand is used; take a "
+                "number of the object, the drive or the contact"
+            )
     return Number(label, low, high, current, study.unit_of(label))
 
 
@@ -228,7 +245,7 @@ def map_text(data: xr.Dataset) -> str:
         if name.endswith("_deg"):
             return f"{name[:-4]} {value:.4g} deg"
         unit = data[name].attrs.get("units")  # of what is no length of the hand
-        told = "" if unit in (None, "1") else f" {unit}"
+        told = "" if unit in (None, "1") else f" {'deg' if unit == 'degree' else unit}"
         return f"{name} {value:.4g}{told}" if unit else f"{name} {with_unit(value, units)}"
 
     def place(values: Sequence[float]) -> str:

@@ -15,7 +15,6 @@ from pcjax.cli.condition import (
     condition,
     limit_flag,
     parameter_flag,
-    usual_parameters,
 )
 from pcjax.cli.parser import Terminated
 from pcjax.cli.parts import (
@@ -35,10 +34,9 @@ from pcjax.design.front import Member, trade_off
 from pcjax.design.gradients import Differences, Mixture, Pathwise
 from pcjax.design.map import score_name
 from pcjax.design.optimize import optimize
-from pcjax.design.outcome import METHODS, Optimum, Settings
-from pcjax.design.parameters import labelled
+from pcjax.design.outcome import METHODS, Optimum, Settings, refused_text
 from pcjax.design.search import search_grid
-from pcjax.design.space import DesignSpace, design_space
+from pcjax.design.space import Space
 from pcjax.design.starts import starting_designs
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import FORMS, OBJECTIVES, Surrogate
@@ -47,7 +45,6 @@ from pcjax.results.saving import save_text
 from pcjax.results.tables import estimate_text, interval_text, wrapped
 from pcjax.study.spec import Objective, Study
 from pcjax.study.task import task_of
-from pcjax.units import in_brackets
 
 _FOR_PATHWISE = {"goal_layer": 0.8, "contact_layer": 0.2}
 """The widths with which pathwise gradients are least noisy."""
@@ -83,7 +80,8 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
         metavar="NAME[=LOW:HIGH]",
         help="a parameter that may change, with bounds in degrees or lengths; again for more: "
         f"{PARAMETERS} (default: fingertip-angle and fingertip-length; on the arm joint-angle-1 "
-        "and joint-angle-2)",
+        "and joint-angle-2; in three dimensions the joints that the study's posture names, 6 at "
+        "most)",
     )
     add(
         "--clearance",
@@ -156,15 +154,16 @@ def add_optimize(parser: argparse.ArgumentParser) -> None:
         dest="trials_each",  # not those of the study: they are for evaluations of one hand
         metavar="TRIALS",
         type=whole,
-        default=1000,
+        default=None,
         help="trials of a hand and direction, an iteration; the model begins with a quarter, and "
-        "goes up to twice as many",
+        "goes up to twice as many (default: 1000; in three dimensions 100)",
     )
     add(
         "--accept-trials",
         type=whole,
-        default=Settings.accept_trials,
-        help="trials of the final comparison of start and result",
+        default=None,
+        help="trials of the final comparison of start and result (default: 10000; in three "
+        "dimensions 1000)",
     )
     add_experiment(parser)
     add_dt(parser, "the engine's choice")
@@ -231,25 +230,20 @@ def _run(arguments: argparse.Namespace) -> None:
             flag = name.replace("_", "-")
             raise ValueError(f"--{flag} is for --method {whose}, and this is {method}")
     study = _for_all(condition(arguments), arguments)
-    free = arguments.free or [(name, None) for name in usual_parameters(study)]
-    names = [labelled(name) for name, _ in free]
+    free = arguments.free or [(name, None) for name in study.usual_free]
+    names = [study.label_of(name) for name, _ in free]
     for (name, _), label in zip(free, names, strict=True):
         if names.count(label) > 1:
             raise ValueError(f"--free {name} is there twice")
     task = task_of(study)
-    space = design_space(
-        study.hand,
-        dict(zip(names, (bounds for _, bounds in free), strict=True)),
-        max(float(one.body.width) for one in task.each),
-        arguments.clearance,
-        arguments.limit,
-        study.directions,
-    )
+    bounds = dict(zip(names, (bounds for _, bounds in free), strict=True))
+    space = study.space(bounds, arguments.clearance, arguments.limit)
+    trials, accept_trials = study.trials_of_search
     surrogate = Surrogate(
         task,
         objective=arguments.objective,
         form=arguments.form or Surrogate.form,
-        trials=arguments.trials_each,
+        trials=trials if arguments.trials_each is None else arguments.trials_each,
         dt=study.run.dt,
     )
     if arguments.estimator == "pathwise":
@@ -259,7 +253,7 @@ def _run(arguments: argparse.Namespace) -> None:
         iterations=arguments.iterations,
         gain=Settings.gain if arguments.gain is None else arguments.gain,
         starts=Settings.starts if arguments.starts is None else arguments.starts,
-        accept_trials=arguments.accept_trials,
+        accept_trials=accept_trials if arguments.accept_trials is None else arguments.accept_trials,
         seed=study.run.seed,
     )
     (begun,) = starting_designs(space.holding(task), 1, settings.seed)
@@ -290,10 +284,9 @@ def _run(arguments: argparse.Namespace) -> None:
             raise
     seconds, conditions = time.perf_counter() - began, study.objective.points()
     if arguments.out:
-        best = replace(study, hand=space.hand(found.best), sweep=None)
-        save_text(best.to_toml(), arguments.out)
+        save_text(study.designed(space, found.best).to_toml(), arguments.out)
     if arguments.plot:
-        save_picture("view.designs.plot_optimum", (found, space, surrogate), arguments.plot)
+        save_picture(space.picture, (found, space, surrogate), arguments.plot)
     if arguments.json:
         print(json.dumps(as_json(found, space, conditions, seconds)))
     else:
@@ -301,7 +294,7 @@ def _run(arguments: argparse.Namespace) -> None:
 
 
 def _run_front(
-    arguments: argparse.Namespace, surrogate: Surrogate, space: DesignSpace, settings: Settings
+    arguments: argparse.Namespace, surrogate: Surrogate, space: Space, settings: Settings
 ) -> None:
     """What `--front` asks for."""
     for name, given in (
@@ -318,7 +311,7 @@ def _run_front(
     found = trade_off(surrogate, space, settings, progress=True)
     seconds = time.perf_counter() - began
     if arguments.plot:
-        save_picture("view.front.plot_front", (found, space, surrogate), arguments.plot)
+        save_picture(space.front_picture, (found, space, surrogate), arguments.plot)
     if arguments.json:
 
         def member(one: Member) -> dict[str, Any]:
@@ -336,12 +329,12 @@ def _run_front(
         }
         print(json.dumps(told))
         return
-    names = [p.name + in_brackets(p.label, surrogate.task.units) for p in space.free]
+    names = [p.headed(surrogate.task.units) for p in space.free]
     print(f"{found.table(names)}, {seconds:.1f} s")
 
 
 def as_json(
-    found: Optimum, space: DesignSpace, conditions: list[dict[str, float]], seconds: float
+    found: Optimum, space: Space, conditions: list[dict[str, float]], seconds: float
 ) -> dict[str, Any]:
     """The result as one JSON object."""
 
@@ -364,13 +357,14 @@ def as_json(
         "iterations": found.progress.iteration,
         "trials": found.trials,
         "invalid": found.invalid,
+        "refused": dict(found.refused),
         "interrupted": found.interrupted,
         "wall_seconds": seconds,
         "notes": list(found.notes),
     }
 
 
-def _others(found: Optimum, space: DesignSpace) -> list[str]:
+def _others(found: Optimum, space: Space) -> list[str]:
     """Where else the search ended, and how sure it is which is the best."""
     others = [one for one in found.candidates if one.design is not found.best]
     if not others:
@@ -395,14 +389,14 @@ def _parts(found: Optimum, conditions: list[dict[str, float]]) -> list[str]:
 
 def as_text(
     found: Optimum,
-    space: DesignSpace,
+    space: Space,
     surrogate: Surrogate,
     conditions: list[dict[str, float]],
     seconds: float,
 ) -> str:
     """The result as a table and a verdict."""
     what = ("score " if len(surrogate.task.directions) == 2 else "") + score_name(surrogate)
-    names = [p.name + in_brackets(p.label, surrogate.task.units) for p in space.free]
+    names = [p.headed(surrogate.task.units) for p in space.free]
     lines = _parts(found, conditions)
     lines += _others(found, space)
     rounds = f"{found.progress.iteration} iterations, " if found.progress.history else ""
@@ -411,6 +405,7 @@ def as_text(
             f"{found.invalid:,} {'trial' if found.invalid == 1 else 'trials'} went wrong with some "
             "hand, left out of all its comparisons"
         )
+    lines += refused_text(found.refused)
     stop = "interrupted after " if found.interrupted else ""
     lines.append(f"{stop}{rounds}{found.trials:,} trials, {seconds:.1f} s")
     return "\n".join([found.table(names, what), *map(wrapped, lines)])

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from pcjax.design.space import Design, DesignSpace
-from pcjax.model.hand import HandDesign
+from pcjax.design.space import Design, Space
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import PAPER_DT
 from pcjax.quality.indices import UNDEFINED, Estimate, extremes
 from pcjax.quality.surrogate import Sample, Surrogate
+from pcjax.quality.task import Hand
 
 _BATCH = 64
 """Designs that run together."""
@@ -135,7 +135,7 @@ def _bounds(
 
 def compare(
     surrogate: Surrogate,
-    space: DesignSpace,
+    space: Space,
     designs: Sequence[Design],
     *,
     trials: int,
@@ -155,7 +155,7 @@ def compare(
 
 
 def compare_hands(
-    surrogate: Surrogate, hands: Sequence[HandDesign], *, trials: int, seed: int
+    surrogate: Surrogate, hands: Sequence[Hand], *, trials: int, seed: int
 ) -> Comparison:
     """`compare`, of hands that need not be designs of one space."""
     exact = replace(surrogate, form="exact", trials=trials)

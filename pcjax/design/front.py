@@ -21,7 +21,7 @@ from pcjax.design.compare import compare_hands
 from pcjax.design.gaussian import Points
 from pcjax.design.modelled import BATCH, DRAWS, Search, distinct
 from pcjax.design.outcome import Settings
-from pcjax.design.space import Design, DesignSpace
+from pcjax.design.space import Design, Space
 from pcjax.design.starts import given_start, starting_designs
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate
@@ -179,7 +179,7 @@ def unbeaten(aims: Float[np.ndarray, "points 2"]) -> Bool[np.ndarray, " points"]
 
 def trade_off(
     surrogate: Surrogate,
-    space: DesignSpace,
+    space: Space,
     settings: Settings | None = None,
     *,
     progress: bool = False,
@@ -212,7 +212,7 @@ def trade_off(
         ('DoEs by index1', 'EoEn by index1')
     """
     check_kind("surrogate", surrogate, Surrogate)
-    check_kind("space", space, DesignSpace)
+    check_kind("space", space, Space)
     settings, task = Settings() if settings is None else settings, surrogate.task
     if len(task.each) > 2 or (len(task.each) == 1 and len(task.directions) == 1):
         raise ValueError(

@@ -168,7 +168,7 @@ def differentiable_score(
     """
     if surrogate.form != "horizon":
         raise ValueError(f"a score to be compiled needs form 'horizon', not {surrogate.form!r}")
-    engine = surrogate.engine(surrogate.task.scenarios(space.base))
+    engine = surrogate.relaxed_engine(surrogate.task.scenarios(space.base))
     moves = np.diag(space.usual_moves(space.design_of(space.base)))
     blocks = -(-surrogate.trials // block)
 

@@ -8,17 +8,16 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pcjax.checks import check_count, check_kind
 from pcjax.design.compare import score_all
 from pcjax.design.parameters import Parameter
+from pcjax.design.postures import PostureParameter
 from pcjax.design.search import grid_lines
-from pcjax.design.space import DesignSpace
+from pcjax.design.space import Space
 from pcjax.importing import xr
-from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario
 from pcjax.progress import progress_bar
 from pcjax.quality.surrogate import Surrogate
@@ -49,14 +48,23 @@ class Number:
     unit: str
 
     @property
+    def axis_unit(self) -> str:
+        """As the coordinate of a dataset has it."""
+        return self.unit
+
+    @property
     def name(self) -> str:
         """Without the unit."""
         return self.label.removesuffix("_deg")
 
 
+Side = Parameter | PostureParameter | Number
+"""What a map may have along a side."""
+
+
 def score_map(
     surrogate: Surrogate,
-    space: DesignSpace,
+    space: Space,
     points: Sequence[int] | None = None,
     *,
     seed: int = 0,
@@ -66,7 +74,7 @@ def score_map(
 
     Arguments:
         surrogate: whose task, objective and trials count; nothing is relaxed.
-        space: with two free parameters; its clearance does not count.
+        space: with two free parameters; a clearance does not count.
         points: hands along each parameter, from its lower to its upper bound; 11 each unless given.
         seed: of the trials.
         progress: whether to show a bar on stderr.
@@ -74,8 +82,8 @@ def score_map(
     Returns:
         A dataset along the two parameters' labels, the second first, with the `score` (index,
         statistic; NaN where there is none), where `index` is the objective, the hand's `gap`,
-        whether it is a `full_cage` and whether it is `possible` at all; `gap_fine` and
-        `possible_fine` on a finer grid.
+        whether it is a `full_cage` and whether it is `possible` at all; in the plane `gap_fine` and
+        `possible_fine` on a finer grid. In three dimensions no gap is known: it is NaN.
         Attributes `current_...` are the base hand's; there are none where it is not on the map:
         outside the bounds, or its fingers differ in a parameter that is for both.
 
@@ -84,7 +92,7 @@ def score_map(
         ValueError: not two parameters, a number out of range, or no hand that has a score.
     """
     check_kind("surrogate", surrogate, Surrogate)
-    check_kind("space", space, DesignSpace)
+    check_kind("space", space, Space)
     return MapPlan.of(surrogate, space, points, seed=seed).run(progress=progress)
 
 
@@ -99,14 +107,14 @@ class MapPlan:
         task_at: the task for values of those sides that are not the hand's, by label.
         lines: values of each side.
         places: of the grid, the second side slowest, and after them the current one.
-        gaps, possible: of those (`DesignSpace.look`).
+        gaps, possible: of those (`Space.look`).
         caged: which are full cages.
         scored: which of those are to be scored.
     """
 
     surrogate: Surrogate
-    space: DesignSpace
-    sides: tuple[Parameter | Number, ...]
+    space: Space
+    sides: tuple[Side, ...]
     task_at: Callable[[dict[str, float]], Task]
     seed: int
     lines: list[Float[np.ndarray, " _"]]
@@ -120,11 +128,11 @@ class MapPlan:
     def of(
         cls,
         surrogate: Surrogate,
-        space: DesignSpace,
+        space: Space,
         points: Sequence[int] | None = None,
         *,
         seed: int = 0,
-        sides: Sequence[Parameter | Number] | None = None,
+        sides: Sequence[Side] | None = None,
         task_at: Callable[[dict[str, float]], Task] | None = None,
     ) -> MapPlan:
         """Checks everything and looks at every hand; see `score_map`.
@@ -156,12 +164,12 @@ class MapPlan:
         gaps, possible, caged = blank.copy(), none.copy(), none.copy()
         for rows, mine, designs in plan.groups():
             gaps[rows], possible[rows] = mine.holding(plan.task_of(rows)).look(designs)
-            caged[rows] = full_cage(gaps[rows], mine.width)
+            caged[rows] = mine.caged(gaps[rows])
         scored = possible & ~caged
         if not np.any(scored[:-1]):
             raise ValueError(
                 "no hand on the map has a score: everywhere the gap is narrower than the object, "
-                "limbs cross, or the object does not fit; take other bounds or more points"
+                "limbs cross or overlap, or the object does not fit; take other bounds, more points"
             )
         scored[-1] &= plan.marked
         return replace(plan, gaps=gaps, possible=possible, caged=caged, scored=scored)
@@ -173,7 +181,7 @@ class MapPlan:
 
     def groups(
         self, among: Bool[np.ndarray, " places"] | None = None
-    ) -> Iterator[tuple[Int[np.ndarray, " rows"], DesignSpace, Float[np.ndarray, "rows _"]]]:
+    ) -> Iterator[tuple[Int[np.ndarray, " rows"], Space, Float[np.ndarray, "rows _"]]]:
         """Places that have their task in common: their rows, the space of their hands, and their
         designs in it."""
         others = [k for k, side in enumerate(self.sides) if isinstance(side, Number)]
@@ -186,8 +194,8 @@ class MapPlan:
             for column, p in enumerate(self.space.free):
                 if p in self.sides:
                     designs[:, column] = self.places[rows, self.sides.index(p)]
-            width = float(self.task_of(rows).body.width) if others else self.space.width
-            yield rows, replace(self.space, width=width), designs
+            space = self.space
+            yield rows, space.for_object(self.task_of(rows).body) if others else space, designs
 
     @property
     def hands(self) -> int:
@@ -197,15 +205,16 @@ class MapPlan:
     @property
     def marked(self) -> bool:
         """Whether the current hand is on the map: within the bounds, and one of the space."""
-        space, current = self.space, self.places[-1]
-        hand = space.hand(space.design_of(space.base))
-        pairs = zip(jax.tree.leaves(hand), jax.tree.leaves(space.base), strict=True)
-        same = all(np.isclose(float(a), float(b), rtol=1e-9, atol=1e-12) for a, b in pairs)
+        current = self.places[-1]
         there = all(
             side.low <= value <= side.high for side, value in zip(self.sides, current, strict=True)
         )
         numbers = [side for side in self.sides if isinstance(side, Number)]
-        return same and there and not any(math.isnan(number.current) for number in numbers)
+        return (
+            self.space.has_base
+            and there
+            and not any(math.isnan(number.current) for number in numbers)
+        )
 
     def run(self, *, progress: bool = False) -> xr.Dataset:
         """The map; see `score_map`."""
@@ -243,17 +252,18 @@ class MapPlan:
             "full_cage": self.caged[:-1].reshape(shape),
             "possible": self.possible[:-1].reshape(shape),
         }
-        if all(isinstance(side, Parameter) for side in self.sides):
+        if space.shown_finely and not any(isinstance(side, Number) for side in self.sides):
             fine = {f"{p.label}_fine": np.linspace(p.low, p.high, FINE) for p in (y, x)}
             shown = np.meshgrid(fine[f"{x.label}_fine"], fine[f"{y.label}_fine"])
             gaps, possible = space.holding(task).look(np.stack(shown, axis=-1))
             variables |= {"gap_fine": gaps, "possible_fine": possible}
             coordinates |= fine
         for side in self.sides:
-            if isinstance(side, Number):
-                coordinates[side.label] = (side.label, sides[side.label], {"units": side.unit})
+            if side.axis_unit:
+                coordinates[side.label] = (side.label, sides[side.label], {"units": side.axis_unit})
         base = space.hand(space.design_of(space.base))
         scenarios = dict(zip(task.directions, task.scenarios(base), strict=True))
+        engine = surrogate.engine(list(scenarios.values()))
         dataset = dataset_of(
             "map",
             variables,
@@ -263,8 +273,8 @@ class MapPlan:
                     "trials": surrogate.trials,
                     "max_steps": task.max_steps,
                     "seed": self.seed,
-                    "engine": surrogate.engine(list(scenarios.values())).name,
-                    "precision": 32,
+                    "engine": engine.name,
+                    "precision": engine.bits or 32,
                     "objective": surrogate.objective,
                     "score_name": score_name(surrogate),
                     "directions": list(task.directions),

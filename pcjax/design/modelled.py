@@ -29,7 +29,7 @@ from pcjax.design.checkpoint import (
 )
 from pcjax.design.gaussian import Points
 from pcjax.design.outcome import Optimum, Settings, accept
-from pcjax.design.space import Design, DesignSpace
+from pcjax.design.space import Design, Space
 from pcjax.design.starts import given_start, starting_designs
 from pcjax.progress import progress_bar
 from pcjax.quality.surrogate import Surrogate
@@ -59,15 +59,9 @@ BATCH = 8
 
 DRAWS = 64
 
-_SPREAD = 128
-"""Designs spread over the space that are thought of in each round, and as many again that lie
-between them and the best, where the former are not allowed."""
-
 _AT_BOUND = 0.3
-"""Share of the numbers of those designs that are put to the nearer bound, in half of them."""
-
-_NEAR = 256
-"""Designs near the best that are thought of in each round."""
+"""Share of the numbers of designs spread over the space that are put to the nearer bound, in half
+of them."""
 
 _NEAREST, _FARTHEST = 0.005, 0.3
 """How far from it, in shares of the bounds."""
@@ -78,7 +72,7 @@ _DOUBLED_EVERY = 8
 
 def search_model(
     surrogate: Surrogate,
-    space: DesignSpace,
+    space: Space,
     settings: Settings,
     *,
     checkpoint: str | os.PathLike[str] | None = None,
@@ -141,7 +135,7 @@ class Search:
     """
 
     surrogate: Surrogate
-    space: DesignSpace
+    space: Space
     seed: int
 
     def design(self, at: Float[np.ndarray, "*some parameters"]) -> np.ndarray:
@@ -165,12 +159,13 @@ class Search:
             return at
         begin, way = inside[wrong], at[wrong] - inside[wrong]
         share, step = np.zeros(len(wrong)), 1.0
-        for _ in range(2):
-            tried = share[:, None] + step * np.arange(1, 8) / 8
+        rounds, parts = self.space.cuts
+        for _ in range(rounds):
+            tried = share[:, None] + step * np.arange(1, parts) / parts
             places = begin[:, None] + tried[..., None] * way[:, None]
             good = self.allowed(places.reshape(-1, at.shape[1])).reshape(tried.shape)
-            share = share + step / 8 * np.cumprod(good, axis=1).sum(axis=1)
-            step = step / 8
+            share = share + step / parts * np.cumprod(good, axis=1).sum(axis=1)
+            step = step / parts
         at = at.copy()
         at[wrong] = begin + share[:, None] * way
         return at
@@ -305,12 +300,13 @@ class Search:
         """Designs to think of, all allowed: spread over the space, about the top ones, and these;
         what is not allowed is drawn in towards a good one. Half of those that are spread have some
         of their numbers at a bound: the best often lies there, and none of a Sobol set does."""
-        spread = self._spread(_SPREAD, round)
+        looks = self.space.looks
+        spread = self._spread(looks, round)
         at_bound = rng.random(spread.shape) < _AT_BOUND
-        at_bound[: _SPREAD // 2] = False
+        at_bound[: looks // 2] = False
         spread = np.where(at_bound, np.round(spread), spread)
-        near = top[rng.integers(len(top), size=_NEAR)]
-        inside = np.concatenate([good[rng.integers(len(good), size=_SPREAD)], near])
+        near = top[rng.integers(len(top), size=2 * looks)]
+        inside = np.concatenate([good[rng.integers(len(good), size=looks)], near])
         moves = _moves(near.shape, _FARTHEST, rng) * self._lengths(belief)
         found = self.drawn_in(np.concatenate([spread, near + moves]), inside)
         return np.concatenate([found, top])
@@ -328,7 +324,7 @@ class Search:
 
     def climbed(self, belief: Belief, best: Design, rng: np.random.Generator) -> Design:
         """The best near a design, by what is believed."""
-        around = np.repeat(best[None], _SPREAD, axis=0)
+        around = np.repeat(best[None], self.space.looks, axis=0)
         moves = _moves(around.shape, _FARTHEST / 6, rng) * self._lengths(belief)
         places = np.concatenate([best[None], self.drawn_in(around + moves, around)])
         return places[np.argmax(belief.mean(places))]
@@ -339,8 +335,9 @@ class Search:
         believed."""
         seen, rng = belief.at, np.random.default_rng(self.seed)
         best = self.climbed(belief, seen[np.argmax(belief.mean(seen))], rng)
-        inside = seen[rng.integers(len(seen), size=4 * _SPREAD)]
-        places = np.concatenate([seen, self.drawn_in(self._spread(4 * _SPREAD, 0), inside)])
+        count = 4 * self.space.looks
+        inside = seen[rng.integers(len(seen), size=count)]
+        places = np.concatenate([seen, self.drawn_in(self._spread(count, 0), inside)])
         tops = tops_of(places, belief.mean(places), known=len(seen))
         apart: list[Design] = []
         for top in places[tops]:

@@ -11,13 +11,13 @@ from pcjax.design.estimator import Estimator
 from pcjax.design.modelled import search_model
 from pcjax.design.outcome import Optimum, Settings
 from pcjax.design.search import search_cma, search_grid
-from pcjax.design.space import DesignSpace
+from pcjax.design.space import DesignSpace, Space
 from pcjax.quality.surrogate import Surrogate
 
 
 def optimize(
     surrogate: Surrogate,
-    space: DesignSpace,
+    space: Space,
     settings: Settings | None = None,
     *,
     estimator: Estimator | None = None,
@@ -67,7 +67,7 @@ def optimize(
         ((1,), 1)
     """
     check_kind("surrogate", surrogate, Surrogate)
-    check_kind("space", space, DesignSpace)
+    check_kind("space", space, Space)
     settings = Settings() if settings is None else settings
     method = settings.method
     if estimator is not None and method != "gradient":
@@ -76,10 +76,13 @@ def optimize(
         raise ValueError(f"a checkpoint is for methods 'model' and 'gradient', not {method!r}")
     if watch is not None and method not in ("model", "gradient"):
         raise ValueError(f"only methods 'model' and 'gradient' can be watched, not {method!r}")
+    if method == "gradient" and space.why_no_gradient:
+        raise ValueError(f"method 'gradient' is not for these hands: {space.why_no_gradient}")
     watched = watch or (lambda state: False)
     if method == "gradient":
         from pcjax.design.ascent import search_gradient  # optax takes half a second to import
 
+        assert isinstance(space, DesignSpace)
         return search_gradient(
             surrogate,
             space,

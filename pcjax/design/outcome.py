@@ -5,19 +5,19 @@ search has not seen.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pcjax.checks import check_between, check_count
 from pcjax.design.checkpoint import Progress
 from pcjax.design.compare import Comparison, compare, compare_hands
-from pcjax.design.space import Design, DesignSpace
+from pcjax.design.space import Design, Space
 from pcjax.design.starts import Start
-from pcjax.model.hand import HandDesign
 from pcjax.quality.indices import Estimate
 from pcjax.quality.surrogate import Surrogate
+from pcjax.quality.task import Hand
 from pcjax.results.tables import estimate_text, in_columns, interval_text, wrapped
 from pcjax.showing import Shown
 
@@ -131,6 +131,8 @@ class Optimum(Shown):
         moved: whether `start` is not the given hand's.
         notes: what is wrong with the given hand, a line each.
         tried: all designs that a model has seen; none for the other methods.
+        refused: how many designs were looked at in vain, by what is wrong with them, where the
+            space counts them.
     """
 
     drawn_by = "view.designs.plot_history"
@@ -147,10 +149,11 @@ class Optimum(Shown):
     trials: int
     invalid: int
     interrupted: bool
-    start_hand: HandDesign
+    start_hand: Hand
     moved: bool
     notes: tuple[str, ...]
     tried: Sequence[Design] = ()
+    refused: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def better(self) -> bool:
@@ -169,7 +172,8 @@ class Optimum(Shown):
     def __repr__(self) -> str:
         names = [f"parameter {k}" for k in range(1, 1 + len(self.best))]
         spent = f"{self.trials:,} trials"
-        return "\n".join([self.table(names, "score"), *map(wrapped, [*self.notes, spent])])
+        notes = [*self.notes, *refused_text(self.refused), spent]
+        return "\n".join([self.table(names, "score"), *map(wrapped, notes)])
 
     def table(self, names: Sequence[str], what: str) -> str:
         """Start and best with their scores, and how they compare.
@@ -200,12 +204,21 @@ class Optimum(Shown):
         return "\n".join([in_columns(["", start, "best"], rows, left=[0]), *map(wrapped, lines)])
 
 
+def refused_text(refused: Mapping[str, int]) -> list[str]:
+    """How many designs were looked at in vain, and why: a line, or none."""
+    if not refused:
+        return []
+    count = sum(refused.values())
+    reasons = ", ".join(f"{why} ({number:,})" for why, number in refused.items())
+    return [f"{count:,} {'design' if count == 1 else 'designs'} refused: {reasons}"]
+
+
 def accept(
     ends: Sequence[Sequence[Design]],
     state: Progress,
     start: Start,
     surrogate: Surrogate,
-    space: DesignSpace,
+    space: Space,
     settings: Settings,
     *,
     interrupted: bool = False,
@@ -259,6 +272,7 @@ def accept(
         start.moved,
         start.notes,
         tried,
+        space.refused(),
     )
 
 

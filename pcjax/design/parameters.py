@@ -14,6 +14,7 @@ from jaxtyping import Float
 from pcjax.checks import check_finite
 from pcjax.geometry import Scalar
 from pcjax.model.hand import HandDesign
+from pcjax.units import in_brackets
 from pcjax.words import InputWarning, did_you_mean
 
 Rows = list[list[Scalar]]
@@ -156,6 +157,15 @@ class Parameter:
     def label(self) -> str:
         """Its name with the unit, one of those in `HELP`."""
         return labelled(self.name)
+
+    @property
+    def axis_unit(self) -> str:
+        """Of a coordinate of a dataset; "": it goes by the label and the file's unit of length."""
+        return ""
+
+    def headed(self, units: str) -> str:
+        """Its name and in brackets its unit, where lengths are in `units`."""
+        return self.name + in_brackets(self.label, units)
 
     def read(self, hand: HandDesign) -> Scalar:
         """Its value in a hand; that of the first finger it is for."""

@@ -20,7 +20,7 @@ from pcjax.checks import check_between, check_count
 from pcjax.design.checkpoint import Progress, Step
 from pcjax.design.compare import compare, score_all
 from pcjax.design.outcome import Optimum, Settings, accept
-from pcjax.design.space import Design, DesignSpace
+from pcjax.design.space import Design, Space
 from pcjax.design.starts import given_start, starting_designs
 from pcjax.progress import progress_bar
 from pcjax.quality.surrogate import Surrogate
@@ -64,7 +64,7 @@ def grid_lines(
 
 def search_grid(
     surrogate: Surrogate,
-    space: DesignSpace,
+    space: Space,
     settings: Settings,
     points: Sequence[int] | None = None,
     *,
@@ -113,7 +113,7 @@ def search_grid(
 
 def search_cma(
     surrogate: Surrogate,
-    space: DesignSpace,
+    space: Space,
     settings: Settings,
     *,
     enough: Callable[[], bool] = lambda: False,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import jax
 import numpy as np
@@ -20,8 +21,9 @@ from pcjax.design.parameters import (
     linear_limit,
     parameter,
 )
+from pcjax.model.bodies.base import Body
 from pcjax.model.checking import is_hand
-from pcjax.model.hand import HandDesign
+from pcjax.model.hand import HandDesign, full_cage
 from pcjax.model.layout import fit_of
 from pcjax.model.scenario import why_no_eoen
 from pcjax.quality.task import Task
@@ -53,8 +55,124 @@ def nearest_within(
     return point - residual[:-1] / residual[-1]
 
 
+class Space:
+    """The hands that a search may try, by their designs, and which of them are allowed.
+
+    Attributes:
+        base: the hand that a search begins at.
+        free: the parameters.
+        width: of the object.
+        picture, front_picture: what draws an optimum and a front in it, as "module.name".
+        why_no_gradient: why scores of its hands have no gradient; "" where they have.
+        shown_finely: whether a look at a hand is cheap enough for thousands, in a map.
+        looks: designs spread over the space that a search thinks of in a round; twice as many are
+            near the best.
+        cuts: rounds in which the way out of what is allowed is looked at, and parts of each.
+    """
+
+    base: Any
+    free: tuple[Any, ...]
+    width: float
+
+    picture: ClassVar[str]
+    front_picture: ClassVar[str]
+    why_no_gradient: ClassVar[str] = ""
+    shown_finely: ClassVar[bool] = True
+    looks: ClassVar[int] = 128
+    cuts: ClassVar[tuple[int, int]] = 2, 8
+
+    @property
+    def scales(self) -> Design:
+        """The usual change of each parameter."""
+        raise NotImplementedError
+
+    @property
+    def low(self) -> Design:
+        """Lower bounds."""
+        return np.array([p.low for p in self.free], float)
+
+    @property
+    def high(self) -> Design:
+        """Upper bounds."""
+        return np.array([p.high for p in self.free], float)
+
+    def holding(self, task: Task) -> Space:
+        """The space whose hands are hands in the task's directions, with room for its objects."""
+        raise NotImplementedError
+
+    def for_object(self, body: Body) -> Space:
+        """The space for another object."""
+        raise NotImplementedError
+
+    def design_of(self, hand: Any) -> Design:
+        """The design that a hand is."""
+        raise NotImplementedError
+
+    def hand(self, design: Any) -> Any:
+        """The hand of a design."""
+        raise NotImplementedError
+
+    @property
+    def has_base(self) -> bool:
+        """Whether the base hand is one of the space."""
+        raise NotImplementedError
+
+    def objections(self) -> list[str]:
+        """Why the base hand itself is not an allowed design, each in words; none if it is one."""
+        raise NotImplementedError
+
+    def look(
+        self, designs: Float[np.ndarray, "*shape parameters"]
+    ) -> tuple[Float[np.ndarray, "*shape"], Bool[np.ndarray, "*shape"]]:
+        """The gaps of many designs, NaN where there is no such thing, and which of them are hands
+        that the objects have room in."""
+        raise NotImplementedError
+
+    def caged(self, gaps: Float[np.ndarray, "*shape"]) -> Bool[np.ndarray, "*shape"]:
+        """Which gaps are too narrow for the object."""
+        raise NotImplementedError
+
+    def which(
+        self, designs: Float[np.ndarray, "designs parameters"]
+    ) -> Bool[np.ndarray, " designs"]:
+        """Which of many designs are allowed."""
+        raise NotImplementedError
+
+    def allowed(self, design: Design) -> bool:
+        """Whether a design is allowed."""
+        return bool(self.which(design[None])[0])
+
+    def nearest_allowed(
+        self, design: Design | Sequence[float], fallback: Design | None = None
+    ) -> Design:
+        """An allowed design close by.
+
+        Arguments:
+            design: any.
+            fallback: an allowed design to go back towards; the base hand unless given.
+
+        Raises:
+            ValueError: no allowed design was found.
+        """
+        raise NotImplementedError
+
+    def refused(self) -> dict[str, int]:
+        """How many designs were looked at in vain, by what is wrong with them, where that is
+        counted."""
+        return {}
+
+    def describe(self, design: Design) -> str:
+        """A design as text."""
+        values = zip(self.free, design, strict=True)
+        return ", ".join(f"{p.name} {v:.4g}{f' {p.unit}' if p.unit else ''}" for p, v in values)
+
+    def named(self, design: Design) -> dict[str, float]:
+        """A design by the parameters' labels."""
+        return {p.label: float(v) for p, v in zip(self.free, design, strict=True)}
+
+
 @dataclass(frozen=True)
-class DesignSpace:
+class DesignSpace(Space):
     """The hands that differ from a base hand in the free parameters, and which are allowed.
 
     A design is a vector of the parameters' values: degrees where the name ends in `_deg`, else
@@ -83,6 +201,9 @@ class DesignSpace:
     directions: tuple[str, ...] = ("does",)
     rooms: tuple[tuple[float, float], ...] = ()
 
+    picture = "view.designs.plot_optimum"
+    front_picture = "view.front.plot_front"
+
     def __post_init__(self) -> None:
         if not self.free:
             raise ValueError("no parameter is free: name one or more of " + HELP)
@@ -105,6 +226,10 @@ class DesignSpace:
         rooms = tuple((float(one.body.radius), float(one.start_spread)) for one in task.each)
         return replace(self, directions=task.directions, rooms=rooms)
 
+    def for_object(self, body: Body) -> DesignSpace:
+        """The space for another object."""
+        return replace(self, width=float(body.width))
+
     @property
     def scales(self) -> Design:
         """The usual change of each parameter: 10 degrees, or a tenth of the palm."""
@@ -122,16 +247,6 @@ class DesignSpace:
         """The gap that leaves that share of the clearance."""
         return self.width + share * self.clearance
 
-    @property
-    def low(self) -> Design:
-        """Lower bounds."""
-        return np.array([p.low for p in self.free], float)
-
-    @property
-    def high(self) -> Design:
-        """Upper bounds."""
-        return np.array([p.high for p in self.free], float)
-
     def design_of(self, hand: HandDesign) -> Design:
         """The design that a hand is, to twelve digits: the others may be rounding, which is not to
         take it over a bound."""
@@ -143,6 +258,17 @@ class DesignSpace:
         for p, value in zip(self.free, design, strict=True):
             p.write(self.base, draft, value)
         return draft.hand(self.base.palm_length)
+
+    @property
+    def has_base(self) -> bool:
+        """Whether the base hand is one of the space: its fingers may differ in a parameter that is
+        for both."""
+        pairs = zip(
+            jax.tree.leaves(self.hand(self.design_of(self.base))),
+            jax.tree.leaves(self.base),
+            strict=True,
+        )
+        return all(np.isclose(float(a), float(b), rtol=1e-9, atol=1e-12) for a, b in pairs)
 
     def look(
         self, designs: Float[np.ndarray, "*shape parameters"]
@@ -207,15 +333,15 @@ class DesignSpace:
             )
         return found
 
-    def allowed(self, design: Design) -> bool:
-        """Whether a design is within bounds and limits, has its clearance, and is a hand that the
-        objects have room in."""
-        return bool(self.which(design[None])[0])
+    def caged(self, gaps: Float[np.ndarray, "*shape"]) -> Bool[np.ndarray, "*shape"]:
+        """Which gaps are narrower than the object."""
+        return np.asarray(full_cage(gaps, self.width))
 
     def which(
         self, designs: Float[np.ndarray, "designs parameters"]
     ) -> Bool[np.ndarray, " designs"]:
-        """Which of many designs are allowed."""
+        """Which of many designs are within bounds and limits, have their clearance, and are hands
+        that the objects have room in."""
         slack = 1e-9 * np.abs(self.scales)
         inside = np.all((designs >= self.low - slack) & (designs <= self.high + slack), axis=1)
         for limit in self.limits:
@@ -317,15 +443,6 @@ class DesignSpace:
             normals.append(-slope / size)
             room.append((spare[-1] - 1e-7 * self.width) / size)
         return np.array(normals), np.array(room)
-
-    def describe(self, design: Design) -> str:
-        """A design as text."""
-        values = zip(self.free, design, strict=True)
-        return ", ".join(f"{p.name} {v:.4g}{' deg' if p.unit else ''}" for p, v in values)
-
-    def named(self, design: Design) -> dict[str, float]:
-        """A design by the parameters' labels."""
-        return {p.label: float(v) for p, v in zip(self.free, design, strict=True)}
 
 
 def design_space(

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from pcjax.design.space import Design, DesignSpace
-from pcjax.model.hand import HandDesign
+from pcjax.design.space import Design, Space
 from pcjax.quality.surrogate import Surrogate
+from pcjax.quality.task import Hand
 from pcjax.words import InputWarning
 
 _LOOKED_AT = 1024
@@ -29,13 +29,13 @@ class Start:
         notes: what is wrong with the given hand, a line each.
     """
 
-    hand: HandDesign
+    hand: Hand
     design: Design
     moved: bool = False
     notes: tuple[str, ...] = ()
 
 
-def starting_designs(space: DesignSpace, count: int, seed: int) -> list[Design]:
+def starting_designs(space: Space, count: int, seed: int) -> list[Design]:
     """The base hand's design and others spread over the space (Sobol), all allowed.
 
     Where nothing near the base hand is allowed, the nearest of many others stands for it.
@@ -59,14 +59,14 @@ def starting_designs(space: DesignSpace, count: int, seed: int) -> list[Design]:
     return [first, *(space.nearest_allowed(design, first) for design in spread)]
 
 
-def _spread(space: DesignSpace, count: int, seed: int) -> Float[np.ndarray, "designs parameters"]:
+def _spread(space: Space, count: int, seed: int) -> Float[np.ndarray, "designs parameters"]:
     from scipy.stats import qmc  # takes more than a second to import
 
     draws = qmc.Sobol(len(space.free), rng=seed).random_base2(count.bit_length())
     return space.low + draws[:count] * (space.high - space.low)
 
 
-def given_start(surrogate: Surrogate, space: DesignSpace, begun: Design, calls: int = 2) -> Start:
+def given_start(surrogate: Surrogate, space: Space, begun: Design, calls: int = 2) -> Start:
     """What a search that begins at `begun` is compared with: the base hand, if it can be evaluated.
 
     Warns the user, that many calls further up, if that hand is not allowed.

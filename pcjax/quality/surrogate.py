@@ -40,9 +40,10 @@ from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import INVALID, PAPER_DT
 from pcjax.quality.cloud import settled_cloud
-from pcjax.quality.task import Task
+from pcjax.quality.task import Hand, Task
 from pcjax.simulate.batch import LaneEngine, run
 from pcjax.simulate.choose import engine_for
+from pcjax.simulate.engine import Engine
 from pcjax.simulate.lanes import Lanes
 from pcjax.simulate.outcomes import LIMIT
 from pcjax.simulate.relaxation import Layer, relaxed_survival
@@ -170,7 +171,7 @@ class Surrogate:
         return replace(scenario, law=law)
 
     def sample(
-        self, hands: Sequence[HandDesign], seed: int, bases: Sequence[HandDesign] | None = None
+        self, hands: Sequence[Hand], seed: int, bases: Sequence[Hand] | None = None
     ) -> Sample:
         """Runs the same trials with every hand.
 
@@ -203,10 +204,15 @@ class Surrogate:
         """
         return _sample_of(*self._sample_horizon(each, seed))
 
-    def engine(self, scenarios: Sequence[Scenario]) -> LaneEngine:
-        """The engine of choice for all of these, with this goal layer."""
-        layer = None if self.form == "exact" else self.goal_layer
-        return engine_for(scenarios, self.dt, LaneEngine).having(goal_layer=layer)
+    def engine(self, scenarios: Sequence[Scenario]) -> Engine:
+        """The engine of choice for all of these; any for exact scores, else with the goal layer."""
+        if self.form == "exact":
+            return engine_for(scenarios, self.dt)
+        return self.relaxed_engine(scenarios)
+
+    def relaxed_engine(self, scenarios: Sequence[Scenario]) -> LaneEngine:
+        """The engine of choice for all of these, of those that have a goal layer, with this one."""
+        return engine_for(scenarios, self.dt, LaneEngine).having(goal_layer=self.goal_layer)
 
     def _sample_horizon(
         self, each: list[list[Scenario]], seed: int

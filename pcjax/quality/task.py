@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -15,6 +16,10 @@ from pcjax.model.drives.base import Drive
 from pcjax.model.hand import HandDesign
 from pcjax.model.scenario import DIRECTIONS, Scenario, look_at
 from pcjax.units import check_units
+
+Hand = Any
+"""What a task makes scenarios of: a `HandDesign`, or in three dimensions what a `SpatialTask`
+takes."""
 
 
 @dataclass(frozen=True)

@@ -59,6 +59,7 @@ class Engine(Component):
             taken only where it is named.
         tracks: whether it tells a `Follower` where its trials are on their way.
         dimensions: of the scenarios that it is for, 2 or 3.
+        bits: of its numbers, where it knows no other; None where the run says.
     """
 
     noun: ClassVar[str] = "this engine"
@@ -66,6 +67,7 @@ class Engine(Component):
     preference: ClassVar[float | None] = None
     tracks: ClassVar[bool] = False
     dimensions: ClassVar[int] = 2
+    bits: ClassVar[int | None] = None
 
     @property
     def name(self) -> str:

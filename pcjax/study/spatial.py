@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from pcjax.components import Component, quantities
+from pcjax.design.postures import PostureSpace, posture_parameter, posture_space
+from pcjax.design.space import Design, Space
 from pcjax.importing import named
 from pcjax.model.contact import ContactLaw
 from pcjax.model.layout import Place
 from pcjax.model.scenario import Scenario
 from pcjax.model.spatial.bodies import SPATIAL_BODIES
-from pcjax.model.spatial.hand import PRESETS, SpatialHand
+from pcjax.model.spatial.hand import PRESETS, SpatialHand, several
 from pcjax.model.spatial.regions import ESCAPES, Escape, StartBox
 from pcjax.model.spatial.scenario import SpatialScenario, check_spatial, why_no_spatial_eoen
 from pcjax.model.spatial.tilt import SPATIAL_DRIVES
 from pcjax.quality.spatial import SpatialTask
+from pcjax.results.files import digest
 from pcjax.study.spec import Run, Study
 from pcjax.study.tables import Reader
 from pcjax.study.vary import names
@@ -27,6 +29,9 @@ from pcjax.words import did_you_mean
 
 TRIALS = 1000
 """Of a condition in a direction unless said otherwise."""
+
+_MOST_FREE = 6
+"""Joints that a search moves unless it is told which."""
 
 _OF_CONTACT = ("restitution", "friction")
 
@@ -59,6 +64,9 @@ class SpatialStudy(Study):
     dimensions = 3
     inspected_by = "study.looking.inspect_spatial"
     page_in = "view.web.spatial"
+
+    trials_of_search = 100, 1000
+    trials_of_map = 100
 
     def __post_init__(self) -> None:
         check_units(self.units)
@@ -120,6 +128,7 @@ class SpatialStudy(Study):
     def having(self, values: Mapping[str, float]) -> Study:
         """This study with other numbers, by the names that `[sweep]` knows: posture.JOINT in
         degrees (of slide joints in m), scale.BODY, and those of object, tilt, contact and escape.
+        posture.A+B and scale.A+B are for several that are alike.
 
         Raises:
             ValueError: an unknown name, or a number out of range.
@@ -140,13 +149,68 @@ class SpatialStudy(Study):
     def unit_of(self, name: str) -> str:
         """The unit of a number that can be swept."""
         if name.startswith("posture."):
-            _, hinge, _ = self.hand.source.joints[name.removeprefix("posture.")]
+            joint, *_ = several(name.removeprefix("posture."), self.hand.source.joints)
+            _, hinge, _ = self.hand.source.joints[joint]
             return "degree" if hinge else "m"
         return "1" if name.startswith("scale.") else super().unit_of(name)
 
     def full_name(self, name: str) -> str:
         """A number as files name it."""
         return name if "." in name else super().full_name(name)
+
+    @property
+    def usual_free(self) -> tuple[str, ...]:
+        """The joints that the posture names, as many as a search can well do with.
+
+        Raises:
+            ValueError: it names none.
+        """
+        if not self.hand.joints:
+            joints = ", ".join(f"posture.{joint}" for joint in list(self.hand.source.joints)[:6])
+            raise ValueError(
+                "the study's posture names no joint: say what may change, such as "
+                f"{joints or 'scale.BODY=0.8:1.2'}"
+            )
+        return tuple(f"posture.{joint}" for joint in self.hand.joints[:_MOST_FREE])
+
+    def label_of(self, name: str) -> str:
+        """What may be free, or along a map's side, as files name it, from what one types."""
+        return self.full_name(name)
+
+    def parameter(self, label: str, bounds: tuple[float, float] | None) -> Any:
+        """A parameter of the hand; see `posture_parameter`."""
+        return posture_parameter(label, self.hand, self.body, bounds)
+
+    def space(
+        self,
+        free: Mapping[str, tuple[float, float] | None],
+        clearance: float | None = None,
+        limits: Sequence[str] = (),
+    ) -> PostureSpace:
+        """The hands that differ from this one in the parameters named; see `posture_space`.
+
+        Raises:
+            ValueError: as `posture_space`; a clearance or a limit; or a number of the object that
+                the objective has values of, too.
+        """
+        for what, given in (("a clearance", clearance is not None), ("a limit", bool(limits))):
+            if given:
+                raise ValueError(
+                    f"{what} is for hands in the plane: in three dimensions there are the bounds "
+                    "of each parameter"
+                )
+        for name in self.objective.over:
+            if name in free:
+                raise ValueError(f"{name} is free, and the objective has values of it, too")
+        return posture_space(self.hand, free, self.body)
+
+    def map_space(self, free: Sequence[Any]) -> PostureSpace:
+        """The hands of a map over some of its parameters, or this one."""
+        return PostureSpace(self.hand, tuple(free), self.body)
+
+    def designed(self, space: Space, design: Design) -> Study:
+        """This study with a space's hand, and its object where that is looked for, too."""
+        return self.having(space.named(design))
 
     def tables(self) -> dict[str, Mapping[str, Any]]:
         """The study as the tables of its file."""
@@ -160,10 +224,7 @@ class SpatialStudy(Study):
         }
         tables: dict[str, Mapping[str, Any]] = {"units": {"length": self.units}, "hand": whole}
         if hand.joints:
-            tables["hand.posture"] = {
-                joint: _in_file(hand, joint, float(value))
-                for joint, value in zip(hand.joints, hand.posture, strict=True)
-            }
+            tables["hand.posture"] = {joint: hand.to_file(joint) for joint in hand.joints}
         if hand.links:
             tables["hand.scale"] = dict(zip(hand.links, map(float, hand.scales), strict=True))
         law = self.law.as_table()
@@ -175,6 +236,12 @@ class SpatialStudy(Study):
             "contact": {key: law[key] for key in _OF_CONTACT if key in law},
         }
 
+    @property
+    def files_digest(self) -> str:
+        """Of the hand's file, and of the object's if it has one."""
+        vertices = self.body.solid().vertices
+        return self.hand.digest + ("" if vertices is None else digest(vertices.tobytes()))
+
     def run_table(self) -> dict[str, Any]:
         """How it is tried, as a table."""
         table = self.run.as_table()
@@ -182,25 +249,15 @@ class SpatialStudy(Study):
         return table
 
 
-def _in_file(hand: SpatialHand, joint: str, value: float) -> float:
-    _, hinge, _ = hand.source.joints[joint]
-    return round(math.degrees(value), 9) if hinge else value
-
-
-def from_file(hand: SpatialHand, joint: str, value: float) -> float:
-    """Where a joint is, radians or m, from what files say."""
-    known = hand.source.joints
-    hinge = joint not in known or known[joint][1]
-    return math.radians(value) if hinge else value
-
-
 def _changed(study: SpatialStudy, name: str, value: float) -> SpatialStudy:
     hand, parts = study.hand, study.components
     sort, _, part = name.partition(".")
     if part and sort == "posture":
-        return replace(study, hand=hand.having(posture={part: from_file(hand, part, value)}))
+        each = {joint: hand.from_file(joint, value) for joint in several(part, hand.source.joints)}
+        return replace(study, hand=hand.having(posture=each))
     if part and sort == "scale":
-        return replace(study, hand=hand.having(scales={part: value}))
+        each = dict.fromkeys(several(part, hand.source.bodies), value)
+        return replace(study, hand=hand.having(scales=each))
     known = names(parts)
     if name not in known:
         joints = [f"posture.{joint}" for joint in hand.source.joints]
@@ -289,7 +346,7 @@ class SpatialReader(Reader):
             chosen["root"] = self.text("hand", "root")
         bare = self.sound("hand", lambda: SpatialHand(file, start, escape=escape, **chosen))
         posture = {
-            joint: from_file(bare, joint, value)
+            joint: bare.from_file(joint, value)
             for joint, value in self.numbers_of("hand", "posture").items()
         }
         scales = self.numbers_of("hand", "scale")

@@ -5,12 +5,14 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from pcjax.checks import check_between, check_count, check_kind
 from pcjax.components import Component, Quantity, quantities, usual_in
+from pcjax.design.parameters import Parameter, labelled, parameter
+from pcjax.design.space import Design, DesignSpace, Space, design_space
 from pcjax.geometry import Scalar
 from pcjax.model.bodies.base import BODIES, Body
 from pcjax.model.bodies.circle import Circle
@@ -281,6 +283,11 @@ class Study:
     """What looks at it before it is run, and the module with the page of `pcjax view`, by their
     names: they are imported when they are asked for."""
 
+    trials_of_search: ClassVar[tuple[int, int]] = 1000, 10_000
+    """Of a hand in a search, and of the final comparison."""
+
+    trials_of_map: ClassVar[int] = 400
+
     def __post_init__(self) -> None:
         check_units(self.units)
         for name, usual in (("drive", WristTilt), ("law", ContactLaw)):
@@ -423,6 +430,50 @@ class Study:
         """A component's number as files name it, from what one types."""
         return full_name(name, self.components)
 
+    @property
+    def usual_free(self) -> tuple[str, ...]:
+        """The parameters of the hand that one looks at first."""
+        limbs = min(len(lengths) for lengths in self.hand.lengths)
+        if limbs > 2:
+            return "fingertip_angle_deg", "fingertip_length"
+        return "joint_angle_1_deg", "joint_angle_2_deg" if limbs == 2 else "link_length_1"
+
+    def label_of(self, name: str) -> str:
+        """What may be free, or along a map's side, as files name it, from what one types."""
+        return self.full_name(labelled(name))
+
+    def parameter(self, label: str, bounds: tuple[float, float] | None) -> Parameter:
+        """A parameter of the hand, with its usual bounds unless some are given.
+
+        Raises:
+            ValueError: there is none of that label, or the bounds are out of order.
+        """
+        return parameter(label, self.hand, *(bounds or (None, None)))
+
+    def space(
+        self,
+        free: Mapping[str, tuple[float, float] | None],
+        clearance: float | None = None,
+        limits: Sequence[str] = (),
+    ) -> Space:
+        """The hands that differ from this one in the parameters named; see `design_space`.
+
+        Raises:
+            ValueError: as `design_space`, or what does not apply to such hands.
+        """
+        width = max(float(study.body.width) for study in self.objective_studies())
+        return design_space(self.hand, free, width, clearance, limits, self.directions)
+
+    def map_space(self, free: Sequence[Any]) -> Space:
+        """The hands of a map over some of its parameters. Where none is the hand's, that stays as
+        it is: one length of it stands for all."""
+        free = tuple(free) or (parameter("link_length_11", self.hand),)
+        return DesignSpace(self.hand, free, 0.0, float(self.body.width), (), self.directions)
+
+    def designed(self, space: Space, design: Design) -> Study:
+        """This study with a space's hand, and nothing swept."""
+        return replace(self, hand=space.hand(design), sweep=None)
+
     def objective_studies(self) -> list[Study]:
         """This study in each condition that its objective names, in their order; itself alone where
         it names none.
@@ -455,6 +506,11 @@ class Study:
             "drive": {"kind": DRIVES.kind_of(self.drive)} | self.drive.as_table(),
             "contact": self.law.as_table(),
         }
+
+    @property
+    def files_digest(self) -> str:
+        """Of the files that the study is made of, beside its own; "" if there are none."""
+        return ""
 
     def run_table(self) -> dict[str, Any]:
         """How it is tried, as a table."""

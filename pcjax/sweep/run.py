@@ -67,8 +67,12 @@ def run_sweep(
         OSError: something cannot be written; what was done is kept.
     """
     out = Path(out)
-    recipe = study.to_toml() + json.dumps(
-        {"keep_trials": keep_trials, "pcjax": package_version(), "jax": jax.__version__}
+    recipe = (
+        study.to_toml()
+        + study.files_digest
+        + json.dumps(
+            {"keep_trials": keep_trials, "pcjax": package_version(), "jax": jax.__version__}
+        )
     )
     if out.exists():  # for which no lock is needed, nor a folder that can be written
         return _finished(out, recipe)

@@ -41,7 +41,9 @@ def draw_contours(
         covered: where no line's value is to be written.
         marks: points that it is not to be written at.
     """
-    filled = axis.contourf(xs, ys, _without_holes(score), 12, cmap="viridis")
+    # An index at its limit is beyond it by rounding, and the last colour ends there.
+    shown = _without_holes(score).astype(np.float32)
+    filled = axis.contourf(xs, ys, shown, 12, cmap="viridis")
     axis.figure.colorbar(filled, ax=axis, label=label)
     levels = list(filled.levels)[1:-1:2]
     lines = axis.contour(xs, ys, score, levels, colors="white", linewidths=0.7)

@@ -258,7 +258,7 @@ def _draw_regions(
     handles = []
     for values, edge, colour, hatch, label in (
         (gaps, least, "0.9", "//", "full cage: the gap is narrower than the object"),
-        (np.where(possible, 1.0, 0.0), 0.5, "0.75", "xx", "limbs cross, or no room for the object"),
+        (np.where(possible, 1.0, 0.0), 0.5, "0.75", "xx", "limbs cross or overlap, or no room"),
     ):
         handles += _draw_region(axis, fine, values, edge, colour, hatch if hatched else None, label)
     return handles

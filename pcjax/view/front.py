@@ -28,7 +28,7 @@ def plot_front(data: tuple[Front, DesignSpace, Surrogate]) -> Figure:
     figure = Picture(figsize=(13.5, 5.0), layout="constrained")
     grid = figure.add_gridspec(1, 2, width_ratios=[1.0, 1.25])
     left, right = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
-    _draw_front(left.subplots(), found, shown)
+    draw_front(left.subplots(), found, shown)
     rows = right.subplots(2, -(-len(shown) // 2), squeeze=False)
     hands = [space.hand(found.members[k].design) for k in shown]
     corners = np.concatenate([points_of(hand) for hand in hands])
@@ -47,11 +47,12 @@ def plot_front(data: tuple[Front, DesignSpace, Surrogate]) -> Figure:
 def plot_aims(found: Front) -> Figure:
     """The front without its hands: all that it knows without its space."""
     figure = Picture(figsize=(6.4, 5.0), layout="constrained")
-    _draw_front(figure.subplots(), found, np.arange(len(found.members)))
+    draw_front(figure.subplots(), found, np.arange(len(found.members)))
     return figure
 
 
-def _draw_front(axis: Axes, found: Front, shown: np.ndarray) -> None:
+def draw_front(axis: Axes, found: Front, shown: np.ndarray) -> None:
+    """Both aims of all designs that were tried, and the front, in which some are numbered."""
     axis.plot(*found.tried.T, ".", color="0.75", ms=5, label="tried, as the model sees them")
     values = np.array([[aim.value for aim in member.aims] for member in found.members])
     ends = np.array([[[a.low, a.high] for a in member.aims] for member in found.members])

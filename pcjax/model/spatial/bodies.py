@@ -51,27 +51,30 @@ class Solid:
         """Points whose convex hull is the solid, or close to it."""
         if self.vertices is not None:
             return self.vertices
-        if self.type == "box":
-            signs = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
-            return signs * self.size
-        turns = np.arange(per_turn) * 2 * math.pi / per_turn
-        circle = np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1)
-        if self.type == "cylinder":
-            radius, half = self.size
-            return np.concatenate([circle * radius + [0, 0, z] for z in (-half, half)])
-        heights = np.sin(np.linspace(-math.pi / 2, math.pi / 2, per_turn // 2 + 1))
-        ball = np.concatenate(
-            [circle * math.sqrt(max(1 - z * z, 0.0)) + [0, 0, z] for z in heights]
-        )
-        if self.type == "capsule":
-            radius, half = self.size
-            return np.concatenate([ball * radius + [0, 0, z] for z in (-half, half)])
-        return ball * np.broadcast_to(self.size, 3)
+        return _points_of(self.type, self.size, per_turn)
 
     def scaled(self, factor: float) -> Solid:
         """The same, that many times as large."""
         vertices = None if self.vertices is None else self.vertices * factor
         return Solid(self.type, tuple(factor * x for x in self.size), vertices)
+
+
+@functools.lru_cache(maxsize=256)
+def _points_of(type: str, size: Numbers, per_turn: int) -> Points:
+    if type == "box":
+        signs = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
+        return signs * size
+    turns = np.arange(per_turn) * 2 * math.pi / per_turn
+    circle = np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1)
+    if type == "cylinder":
+        radius, half = size
+        return np.concatenate([circle * radius + [0, 0, z] for z in (-half, half)])
+    heights = np.sin(np.linspace(-math.pi / 2, math.pi / 2, per_turn // 2 + 1))
+    ball = np.concatenate([circle * math.sqrt(max(1 - z * z, 0.0)) + [0, 0, z] for z in heights])
+    if type == "capsule":
+        radius, half = size
+        return np.concatenate([ball * radius + [0, 0, z] for z in (-half, half)])
+    return ball * np.broadcast_to(size, 3)
 
 
 def _inradius(vertices: Points) -> float:

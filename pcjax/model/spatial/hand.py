@@ -6,7 +6,7 @@ import functools
 import hashlib
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -118,6 +118,17 @@ class SpatialHand(eqx.Module):
         leaves, structure = jax.tree.flatten(self)
         return (structure, *map(float, leaves))
 
+    def from_file(self, joint: str, value: float) -> float:
+        """Where a joint is, radians or m, from what files say: degrees, of slide joints m."""
+        known = self.source.joints
+        hinge = joint not in known or known[joint][1]
+        return math.radians(value) if hinge else value
+
+    def to_file(self, joint: str) -> float:
+        """Where a joint is, as files say it."""
+        value, (_, hinge, _) = self.number_of(joint), self.source.joints[joint]
+        return round(math.degrees(value), 9) if hinge else value
+
     def number_of(self, joint: str) -> float:
         """Where a joint is, radians or m."""
         known = dict(zip(self.joints, self.posture, strict=True))
@@ -182,16 +193,23 @@ class HandFile:
         names = (self.model.geom(k).name for k in range(self.model.ngeom))
         return tuple(name for name in names if name)
 
-    def check_posture(self, joint: str, value: Scalar) -> None:
+    def check_joint(self, joint: str) -> None:
         """
         Raises:
-            ValueError: there is no such joint, or the value is beyond its range.
+            ValueError: there is no such joint.
         """
         if joint not in self.joints:
             raise ValueError(
                 f"posture: there is no joint {joint} in {self.path}: "
                 f"{did_you_mean(joint, self.joints)}there are {_listed(self.joints)}"
             )
+
+    def check_posture(self, joint: str, value: Scalar) -> None:
+        """
+        Raises:
+            ValueError: there is no such joint, or the value is beyond its range.
+        """
+        self.check_joint(joint)
         check_finite(f"posture of {joint}", value)
         _, hinge, limits = self.joints[joint]
         if limits is not None and not limits[0] - 1e-6 <= value <= limits[1] + 1e-6:
@@ -230,6 +248,11 @@ def _listed(names: Any, most: int = 12) -> str:
     names = [name or "(one without a name)" for name in names]
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return (", ".join(names[:most]) or "none") + more
+
+
+def several(text: str, known: Container[str]) -> tuple[str, ...]:
+    """The names that a text stands for: itself, or those between plus signs."""
+    return (text,) if text in known else tuple(text.split("+"))
 
 
 def read_hand(path: str) -> HandFile:

@@ -20,6 +20,18 @@ from pcjax.model.spatial.scene import Scene, clearances
 from pcjax.model.spatial.tilt import SpatialTilt
 
 
+class MisfitError(ValueError):
+    """A hand that is none, or that the object does not fit in at its start.
+
+    Attributes:
+        short: what is wrong, in a few words that do not depend on numbers.
+    """
+
+    def __init__(self, short: str, message: str):
+        super().__init__(message)
+        self.short = short
+
+
 class SpatialScenario(Scenario):
     """One condition in three dimensions: everything but the random draws, the limit and the step.
 
@@ -117,33 +129,36 @@ class SpatialScenario(Scenario):
         """Checks the hand and the starts; a gap is not known of a hand in three dimensions.
 
         Raises:
-            ValueError: geoms overlap in the posture, the object does not fit at its starts, or they
-                are not in the region that it escapes from.
+            MisfitError: geoms overlap in the posture, or the object does not fit at its starts, or
+                they are not in the region that it escapes from.
         """
         hand = frozen(self.hand)
         if hand.overlap > 0:
             a, b = hand.overlapping
-            raise ValueError(
+            raise MisfitError(
+                "geoms overlap",
                 f"{a} and {b} overlap in this posture, by {1000 * hand.overlap:.3g} mm more than "
-                "they may: change a joint"
+                "they may: change a joint",
             )
         corners, start = self.hand.start.corners(), self.hand.start
         planes = self.inside()
         outside = (corners @ planes[:, :3].T + planes[:, 3]).max(axis=1)
         if outside.max() > 0:
             x, y, z = corners[np.argmax(outside)]
-            raise ValueError(
+            raise MisfitError(
+                "a start is outside of the hand",
                 f"the start at ({x:.4g}, {y:.4g}, {z:.4g}) m is not inside of what the hand holds: "
-                "the object would have escaped already; change the start's centre or spread"
+                "the object would have escaped already; change the start's centre or spread",
             )
         room = clearances(self.seen(), self.body.solid(), start)
         if room.min() < -1e-6:
             x, y, z = corners[np.argmin(room)]
-            raise ValueError(
+            raise MisfitError(
+                "no room for the object at a start",
                 f"the {self.body.noun} {self.body.size_in_words()} does not fit at its start at "
                 f"({x:.4g}, {y:.4g}, {z:.4g}) m: it overlaps the hand by "
                 f"{-1000 * room.min():.3g} mm; change the start's centre or spread, or take a "
-                "smaller object"
+                "smaller object",
             )
         return float("nan")
 

@@ -98,8 +98,7 @@ def clearances(hand: FrozenHand, solid: Solid, start: StartBox) -> Float[np.ndar
     mj = mujoco()
     if start.orientation is None:
         solid = Solid("sphere", (float(np.linalg.norm(solid.points(), axis=1).max()),))
-    scene = Scene(hand, solid, 0.0, 0.0, 0.002)
-    model, data = scene.model, mj.MjData(scene.model)
+    model, data = _room_of(hand, solid).placed(hand)
     mine, count = model.ngeom - 1, len(hand.geoms)
     turned = StartBox(start.centre, start.spread, start.orientation or (0.0, 0.0, 0.0))
     (place,) = turned.places(np.full((1, 3), 0.5))
@@ -109,3 +108,46 @@ def clearances(hand: FrozenHand, solid: Solid, start: StartBox) -> Float[np.ndar
         mj.mj_kinematics(model, data)
         found.append(min(mj.mj_geomDistance(model, data, mine, k, 1.0, None) for k in range(count)))
     return np.array(found)
+
+
+class _Room:
+    """A scene whose geoms can be placed anew, which takes a tenth of making one."""
+
+    def __init__(self, hand: FrozenHand, solid: Solid):
+        mj = mujoco()
+        self._model = Scene(hand, solid, 0.0, 0.0, 0.002).model
+        self._model.geom_sameframe[:] = 0  # else a geom at the origin stays there
+        self._data = mj.MjData(self._model)
+        # MuJoCo turns meshes to their principal axes.
+        self._own = []
+        for k, geom in enumerate(hand.geoms):
+            turned = np.zeros(9)
+            mj.mju_quat2Mat(turned, self._model.geom_quat[k])
+            moved = self._model.geom_pos[k] - geom.place
+            self._own.append((geom.axes.T @ moved, geom.axes.T @ turned.reshape(3, 3)))
+
+    def placed(self, hand: FrozenHand) -> tuple[Any, Any]:
+        """MuJoCo's model and data, with a hand of the same solids elsewhere."""
+        mj = mujoco()
+        for k, (geom, (moved, turned)) in enumerate(zip(hand.geoms, self._own, strict=True)):
+            self._model.geom_pos[k] = geom.place + geom.axes @ moved
+            self._model.geom_quat[k] = _quaternion(mj, geom.axes @ turned)
+        return self._model, self._data
+
+
+_MOST_ROOMS = 8
+_rooms: dict[Any, _Room] = {}
+
+
+def _room_of(hand: FrozenHand, solid: Solid) -> _Room:
+    """The room for a hand's solids and an object; kept, since postures of a hand have it alike."""
+
+    def told(one: Solid) -> Any:
+        return one.type, one.size, None if one.vertices is None else one.vertices.tobytes()
+
+    key = told(solid), *(told(geom.solid) for geom in hand.geoms)
+    if key not in _rooms:
+        while len(_rooms) >= _MOST_ROOMS:
+            del _rooms[next(iter(_rooms))]
+        _rooms[key] = _Room(hand, solid)
+    return _rooms[key]

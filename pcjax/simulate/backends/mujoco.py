@@ -67,6 +67,7 @@ class MuJoCo(Engine):
     summary = "hands in three dimensions"
     preference = 1.0
     dimensions = 3
+    bits = 64
 
     @classmethod
     def suited(cls, scenarios: Sequence[Scenario]) -> MuJoCo:
