@@ -157,6 +157,10 @@ def test_what_is_wrong_with_a_design_is_said() -> None:
     assert problem_of(narrow) == ""
     assert doubt_of(narrow, 0.04).startswith("the gap is 45.27, less than the object's 50")
     assert doubt_of(BOX, 0.04) == ""
+    # A search ends on the edge, up to its slack.
+    edge = 70.0 + 200.0 * math.sin(math.radians(10.0))
+    assert doubt_of(turned(BOX, "gap_width", edge - 4e-5), 0.04) == ""
+    assert doubt_of(turned(BOX, "gap_width", edge - 1e-3), 0.04) != ""
     limit = "fingertip_length + 0.5 gap_width <= 190"
     assert doubt_of(BOX, 0.04, [limit]) == f"it breaks the limit {limit}"
     assert doubt_of(BOX, 0.04, ["fingertip_length + 0.5 gap_width <= 200"]) == ""

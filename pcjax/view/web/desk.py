@@ -135,7 +135,7 @@ def doubt_of(study: Study, clearance: float, limits: Sequence[str] = ()) -> str:
             return f"it breaks the limit {limit.text}"
     gap, width = float(study.hand.gap()), float(study.body.width)
     least = width + clearance * float(study.hand.palm_length)
-    if gap >= least * (1 - 1e-9):
+    if gap >= least - 1e-6 * width:  # what a search allows, which ends on this edge
         return ""
     one, other, more = (with_unit(x, study.units) for x in (gap, width, least - width))
     return f"the gap is {one}, less than the object's {other} and a clearance of {more}"
