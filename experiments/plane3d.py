@@ -5,7 +5,7 @@ tilt presses the ball on the floor in every trial, so that it moves in the plane
 the same starts and tilt targets, so the difference of index 1 is known better than either. The
 limbs are 10 thick here and there: what is thinner than a step is far may be jumped.
 
-    python -m experiments.plane3d            # a quarter of an hour on 2 cores
+    python -m experiments.plane3d            # five minutes on 2 cores
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -50,7 +51,7 @@ class PalmEnds(spatial.StartBox):
     def places(self, draws: Float[np.ndarray, "trials draws"]) -> Float[np.ndarray, "trials 7"]:
         """See `StartBox`."""
         assert self.flat is not None
-        there = jax.vmap(self.flat.start)(np.asarray(draws))
+        there = jax.vmap(self.flat.start)(jnp.asarray(draws))
         ones, zeros = np.ones(len(draws)), np.zeros(len(draws))
         columns = [np.asarray(there.x), np.asarray(there.y), zeros, ones, zeros, zeros, zeros]
         return np.stack(columns, axis=1).astype(float)
@@ -105,11 +106,11 @@ def flat(
     )
     kind = OtherWay if direction == "eoen" else spatial.Tilt
     tilt = kind(
-        drive.amplitude,
-        (0.0, 0.0, -1.0),
-        drive.gravity,
-        drive.ramp_time,
-        drive.period,
+        amplitude=drive.amplitude,
+        rest=(0.0, 0.0, -1.0),
+        gravity=drive.gravity,
+        ramp_time=drive.ramp_time,
+        period=drive.period,
     )
     law = pcjax.ContactLaw(restitution=0.1)
     space = spatial.Scenario(held, spatial.Sphere(radius), tilt, law, direction == "eoen")
@@ -151,8 +152,8 @@ def row(plane: np.ndarray, space: np.ndarray, limit: float) -> dict[str, float]:
 
 def main() -> None:
     """Runs all hands in both directions, and writes the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--trials", type=int, default=2000)
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--trials", type=int, default=800)
     parser.add_argument("--dt", type=float, default=0.008)
     parser.add_argument("--out", type=Path, default=OUT)
     options = parser.parse_args()

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from pcjax.checks import check_between, check_finite, check_positive, check_radians
 from pcjax.geometry import (
@@ -217,12 +217,13 @@ class HandDesign(eqx.Module):
         crossed = library_of(self).asarray(segments_cross(first, second) | overlap)
         return {(names[i], names[j]): crossed[k] for k, (i, j) in enumerate(apart)}
 
-    def passages(self) -> Array | np.ndarray:
+    def passages(self) -> tuple[Scalar, ...]:
         """How far each two limbs that share no joint are from each other, from surface to surface;
         the object may have to pass between any of them."""
         limbs, (_, _, apart) = self.limbs(), self._apart()
         a, b = closest_points(*stacked([(limbs[i], limbs[j]) for i, j in apart]))
-        return unit_and_length(b - a)[1] - self.thickness
+        between: Any = unit_and_length(b - a)[1] - self.thickness
+        return tuple(between)
 
     def _apart(self) -> tuple[list[int], list[int], list[tuple[int, int]]]:
         """The limbs' numbers from fingertip to fingertip along the hand, the place of each in that

@@ -182,7 +182,7 @@ def _geometry(hand: HandDesign, radius: Scalar, start_spread: Scalar) -> Geometr
             hand.limbs(),
             hand.goal(),
             hand.narrowest_passage(),
-            tuple(hand.passages()),
+            hand.passages(),
             corner_centre(hand, radius, start_spread),
         )
 
