@@ -293,7 +293,7 @@ class Stage:
 
     def _draw_trail(self, places: Float[np.ndarray, "places 3"]) -> None:
         kind, colour = mujoco().mjtGeom.mjGEOM_CAPSULE, np.array(to_rgba(COLOURS[0]))
-        width = 0.006 * self._reach
+        width = 0.009 * self._reach
         for one, other in pairwise(places):
             self._connect(kind, width, one, other, colour)
 

@@ -20,7 +20,7 @@ from pcjax.view.animation import ENDINGS, Camera, Film
 from pcjax.view.rendering import SIZE, Stage, check_rendering
 from pcjax.view.shapes import COLOURS
 
-_TRAIL = 4.0
+_TRAIL = 8.0
 """Seconds of the object's path behind it that are drawn."""
 
 _TRAIL_POINTS = 80
