@@ -10,6 +10,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -59,7 +60,7 @@ def study(file: Path = spatial.PRESETS["three-finger"]) -> spatial.Study:
         root="palm",
         posture={f"tip{k}": math.radians(20.0) for k in (1, 2, 3)},
     )
-    drive = spatial.Tilt(math.radians(60.0), (1.0, 0.0, 0.0), ramp_time=0.5, period=2.0)
+    drive = spatial.Tilt(math.radians(60.0), rest=(1.0, 0.0, 0.0)).having(ramp_time=0.5, period=2.0)
     return spatial.Study(hand, spatial.Sphere(0.024), drive, run=pcjax.Run(max_steps=LIMIT))
 
 
@@ -94,10 +95,10 @@ def test_a_designed_study_has_its_numbers() -> None:
     mine = study()
     space = mine.space({TIPS: (0.0, 40.0), "radius": (0.02, 0.026)})
     design = np.array([31.0, 0.021])
-    made = mine.designed(space, design)
+    made: Any = mine.designed(space, design)
     assert made.body.radius == pytest.approx(0.021)
     assert [made.hand.to_file(f"tip{k}") for k in (1, 2, 3)] == [31.0] * 3
-    (scenario,) = task_of(mine).scenarios(space.hand(design))  # pyright: ignore
+    scenario: Any = task_of(mine).scenarios(space.hand(design))[0]  # pyright: ignore
     assert scenario.key == made.scenarios()["does"].key
 
 
@@ -155,9 +156,10 @@ def test_bad_parameters_are_named(free: dict[str, tuple[float, float] | None], s
 
 def test_what_is_for_the_plane_is_refused() -> None:
     mine = study()
-    for given in ({"clearance": 0.01}, {"limits": ("posture.tip1 <= 3",)}):
-        with pytest.raises(ValueError, match="is for hands in the plane"):
-            mine.space({TIPS: None}, **given)
+    with pytest.raises(ValueError, match="a clearance is for hands in the plane"):
+        mine.space({TIPS: None}, 0.01)
+    with pytest.raises(ValueError, match="a limit is for hands in the plane"):
+        mine.space({TIPS: None}, limits=("posture.tip1 <= 3",))
     over = replace(mine, objective=replace(mine.objective, over={"radius": (0.02, 0.024)}))
     with pytest.raises(ValueError, match="radius is free, and the objective has values of it"):
         over.space({"radius": (0.02, 0.026)})
@@ -221,7 +223,7 @@ def test_the_command_ends_with_a_study_of_the_best(
 
 def test_joints_of_the_posture_are_free_unless_said(file: Path) -> None:
     joints = [f"{name}{k}" for name in ("base", "tip") for k in (1, 2, 3)]
-    mine = pcjax.load_study(file)
+    mine: Any = pcjax.load_study(file)
     assert mine.usual_free == tuple(f"posture.{joint}" for joint in joints)
     many = {f"{name}{k}": 0.0 for name in ("tip", "base") for k in (1, 2, 3)}
     assert len(replace(mine, hand=mine.hand.having(posture=many)).usual_free) == 6

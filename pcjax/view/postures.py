@@ -42,8 +42,8 @@ def plot_front(data: tuple[Front, PostureSpace, Surrogate]) -> Figure:
     count = min(len(found.members), _HANDS)
     shown = np.unique(np.linspace(0, len(found.members) - 1, count).round().astype(int))
     figure = Picture(figsize=(13.5, 5.0), layout="constrained")
-    parts: Any = figure.subfigures(1, 2, width_ratios=[1.0, 1.25])
-    left, right = parts
+    grid = figure.add_gridspec(1, 2, width_ratios=[1.0, 1.25])
+    left, right = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
     draw_front(left.subplots(), found, shown)
     axes = right.subplots(2, -(-len(shown) // 2), squeeze=False).ravel()
     hands = [space.hand(found.members[k].design) for k in shown]
