@@ -1,9 +1,8 @@
 """A search over the six joints of the three-finger hand, against a posture that is set by hand.
 
 The object, the tilt and the escape rule are those of `pcjax study --example mujoco`. Fingers may
-lean out, not in, and tips bend by 20 degrees at most, so that the hand stays open: a closed one would
-win. Start and result are compared on trials
-that the search has not seen.
+lean out, not in, and tips bend by 20 degrees at most, so that the hand stays open: a closed one
+would win. Start and result are compared on trials that the search has not seen.
 
 Keeps `results/posture.csv`, one row for each of both postures, and `results/posture.json` with what
 was spent and refused; draws `results/posture.png`.

@@ -498,7 +498,7 @@ def test_optimize_prints_one_object_and_keeps_a_hand_that_evaluate_reads(
     told = one_object(command(f"{line} --out best.toml --plot best.png"))
     assert list(told) == [
         *("start", "best", "improvement", "candidates", "certainty", "conditions"),
-        *("iterations", "trials", "invalid", "interrupted", "wall_seconds", "notes"),
+        *("iterations", "trials", "invalid", "refused", "interrupted", "wall_seconds", "notes"),
     ]
     assert (told["notes"], told["interrupted"]) == ([], False)
     assert told["start"].pop("moved") is False
@@ -593,7 +593,7 @@ def test_completion_offers_commands_flags_and_choices(command: Command, tmp_path
     for words, offered in (
         (["pcjax", "ev"], "evaluate"),
         (["pcjax", "evaluate", "--fing"], "--fingertip-angle --fingertip-length"),
-        (["pcjax", "evaluate", "--engine", ""], "auto event stepping convex"),
+        (["pcjax", "evaluate", "--engine", ""], "auto event stepping convex mujoco"),
         (["pcjax", "figure", "9"], "9a 9b"),
         (["pcjax", "evaluate", "nothing"], ""),
     ):

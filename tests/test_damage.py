@@ -281,8 +281,9 @@ def test_what_is_no_kind_of_result_is_refused(
 ) -> None:
     other = xr.Dataset({"score": ("radius", [1.0])}, attrs=provenance({}))
     save_dataset(other, tmp_path / "other.nc")
-    assert "none of an evaluation of one hand, a sweep" in refused(
-        ["show", str(tmp_path / "other.nc")], capsys
+    assert (
+        "none of an evaluation of one hand, an evaluation of one hand in three dimensions, a sweep"
+        in refused(["show", str(tmp_path / "other.nc")], capsys)
     )
 
 

@@ -64,7 +64,7 @@ def registered(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_each_of_the_package_says_what_it_is_and_auto_goes_by_preference() -> None:
-    assert engine_names() == ("auto", "event", "stepping", "convex", "clock")
+    assert engine_names() == ("auto", "event", "stepping", "convex", "mujoco", "clock")
     assert all(engine.summary and engine.noun for _, engine in ENGINES.items())
     assert type(choose_engine("auto", None, CIRCLE)) is EventDriven
     ENGINES.register("favourite")(Favourite)
@@ -90,7 +90,7 @@ def test_what_an_engine_cannot_run_is_said_with_one_that_can() -> None:
     with pytest.raises(ValueError, match="dt does not go with the clock: it takes no steps"):
         choose_engine(Clock(), 0.01, CIRCLE)
     with pytest.raises(
-        ValueError, match=r"engine is 'clok': .* auto, event, stepping, convex, clock"
+        ValueError, match=r"engine is 'clok': .* auto, event, stepping, convex, mujoco, clock"
     ):
         choose_engine("clok", None, CIRCLE)
     with pytest.raises(ValueError, match="engine is 3: it has to be one of"):
