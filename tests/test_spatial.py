@@ -5,6 +5,7 @@ import math
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -262,6 +263,22 @@ def test_trials_do_not_depend_on_threads_or_company():
     ]
     assert together.tolist() == [int(steps[0]) for steps, _ in alone]
     assert status.tolist() == [int(ends[0]) for _, ends in alone]
+
+
+def test_trials_go_as_single_steps_of_mujoco_do():
+    # On the benchmark's starts and gravity, which it works out by itself.
+    from benchmarks.spatial import DT, pulls, starts, stepped
+    from pcjax.simulate.backends.mujoco import Film
+
+    study, _ = read_study_text(example("mujoco"))
+    scenario: Any = study.scenarios()["does"]
+    film = Film([], [], [])
+    run_trials(scenario, np.arange(2), max_steps=1500, seed=0, dt=DT, film=film)
+    count = round(film.times[-1] / DT)
+    assert count > 700
+    model, gravity = scenario.scene(DT).model, pulls(scenario, 2, count)
+    for k, place in enumerate(starts(scenario, 2)):
+        assert (stepped(model, place, gravity[k], count) == film.states[-1][k]).all()
 
 
 def read_study_text(text: str, folder: Path | None = None) -> tuple[pcjax.Study, list[str]]:

@@ -40,7 +40,7 @@ class Scene:
     """A hand in its posture, whose geoms are fixed to the world, and a free object.
 
     Attributes:
-        model: MuJoCo's.
+        spec, model: MuJoCo's.
         hand, solid: what is in it.
         dt: the step, s.
     """
@@ -73,7 +73,7 @@ class Scene:
         )  # fmt: skip
         distance, least = 1 << int(mj.mjtConDataField.mjCONDATA_DIST), 1
         deepest.intprm = [distance, least, 1]
-        self.model = spec.compile()
+        self.spec, self.model = spec, spec.compile()
 
 
 def _add(mj: Any, spec: Any, body: Any, solid: Solid, **more: Any) -> None:

@@ -27,7 +27,7 @@ from pcjax.model.spatial.frozen import frozen
 from pcjax.model.spatial.scenario import SpatialScenario
 from pcjax.physics.state import INVALID, PAPER_DT, PASSED, RUNNING
 from pcjax.progress import progress_bar
-from pcjax.simulate.backends.crossing import Crossings
+from pcjax.simulate.backends.crossing import Crossings, lengths
 from pcjax.simulate.draws import period_draws, start_draws, trial_key
 from pcjax.simulate.engine import Engine, How, register_engine
 from pcjax.simulate.outcomes import LIMIT, Outcomes, paper_steps
@@ -280,13 +280,12 @@ class _Run:
         """Which trials have ended in the last steps, and how."""
         never = count + 1
         good = np.isfinite(states).all(axis=-1)
-        states = np.where(good[..., None], states, states[:, :1])
-        wrong = ~good[:, 1:] | self._crossings.wrong(states, depth)
+        if not good.all():
+            states = np.where(good[..., None], states, states[:, :1])
         beyond = self._beyond(states[..., :3])
-        out = beyond[:, 1:] > 0
-        first_out, first_wrong = (
-            np.where(which.any(axis=1), which.argmax(axis=1), never) for which in (out, wrong)
-        )
+        first_out = _first(beyond[:, 1:] > 0, never)
+        wrong = ~good[:, 1:] | self._crossings.wrong(states, depth, first_out)
+        first_wrong = _first(wrong, never)
         warned = np.asarray(self._batch.warning)[ids].reshape(len(ids), -1).any(axis=1)
         first_wrong = np.where(warned & (first_wrong == never), count - 1, first_wrong)
         escaped = first_out < first_wrong
@@ -297,7 +296,14 @@ class _Run:
         self._end(ids[rows], self._step + first_wrong[rows] + 1, INVALID)
 
     def _beyond(self, places: Float[np.ndarray, "trials times 3"]) -> Any:
-        """How far beyond the region's nearest plane places are, m."""
+        """How far beyond the region's nearest plane places are, m; of trials that cannot have got
+        there on the way from the first place, a bound that is not above 0."""
+        bound = self._beyond_of(places[:, 0])[:, None] + lengths(places - places[:, :1])
+        near = np.flatnonzero((bound > -1e-9).any(axis=1))
+        bound[near] = self._beyond_of(places[near])
+        return bound
+
+    def _beyond_of(self, places: Float[np.ndarray, "*some 3"]) -> Any:
         planes = self._planes
         return (places @ planes[:, :3].T + planes[:, 3]).max(axis=-1)
 
@@ -309,6 +315,11 @@ class _Run:
     def ends(self) -> tuple[np.ndarray, np.ndarray]:
         """The paper's steps in which they ended, and how."""
         return paper_steps(self.seconds).astype(np.int32), self._status
+
+
+def _first(which: Any, never: int) -> Any:
+    """The first step of each trial of which something is so; `never` where there is none."""
+    return np.where(which.any(axis=1), which.argmax(axis=1), never)
 
 
 @functools.partial(jax.jit, static_argnums=2)
