@@ -196,6 +196,8 @@ def main() -> None:
     add("--trials", type=int, default=500, help="of pcjax")
     add("--few", type=int, default=20, help="of the loop in Python")
     add("--worlds", type=int, default=32, help="of MJX")
+    add("--mjx-limit", type=float, default=0.5, help="the same for MJX, which takes long")
+    add("--only", default="", help="what has this in its name")
     add("--rounds", type=int, default=3)
     args = parser.parse_args()
     cores = os.cpu_count() or 1
@@ -208,11 +210,13 @@ def main() -> None:
     if not mjx:
         print("MJX: not installed (pip install mujoco-mjx)")
     for name, scenario in scenarios().items():
+        if args.only not in name:
+            continue
         mine = functools.partial(ours, scenario, args.trials, args.limit)
         every = [mine(1), *([mine(cores)] if cores > 1 else [])]
         every.append(in_python(scenario, args.few, args.limit))
         if mjx:
-            every.append(by_mjx(scenario, args.worlds, args.limit))
+            every.append(by_mjx(scenario, args.worlds, args.mjx_limit))
         for one in every:
             one.warm()
         for _ in range(args.rounds):
