@@ -147,6 +147,7 @@ class Starred(Search):
 
     def think(self, belief: Belief, round: int) -> tuple[Points, float]:
         at, gain = super().think(belief, round)
+        assert isinstance(self.space, DesignSpace)
         moves = self.space.usual_moves(self.design(at[0])) / (self.space.high - self.space.low)
         star = at[0] + np.concatenate([np.diag(moves), np.diag(-moves)])
         star = self.drawn_in(star, np.repeat(at[:1], len(star), axis=0))
