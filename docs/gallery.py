@@ -21,7 +21,7 @@ from mkdocs.structure.pages import Page
 PAGE = "gallery.md"
 HANDS = Path(__file__).resolve().parent / "gallery"
 ORDER = (
-    *("paper", "gripper", "arm", "stick", "triangle", "friction", "puck"),
+    *("paper", "gripper", "arm", "stick", "triangle", "friction", "fingers"),
     *("cage", "scoop", "found"),
 )
 
@@ -38,9 +38,24 @@ def _run(text: str, name: str, trials: int) -> tuple[bytes, dict[str, Any]]:
     said = io.StringIO()
     with tempfile.TemporaryDirectory() as folder, redirect_stdout(said):
         picture = Path(folder) / "hand.png"
-        words = ["evaluate", str(HANDS / f"{name}.toml"), "--trials", str(trials)]
-        main([*words, "--json", "--plot", str(picture)])
+        words = ["evaluate", str(HANDS / f"{name}.toml"), "--trials", str(trials), "--json"]
+        if name != "fingers" or _rendered():
+            main([*words, "--plot", str(picture)])
+        else:
+            main(words)
+            picture = HANDS.parent / "hand3d.png"  # of the same hand
         return picture.read_bytes(), json.loads(said.getvalue())
+
+
+def _rendered() -> bool:
+    """Whether hands in three dimensions can be drawn here."""
+    from pcjax.view.rendering import check_rendering
+
+    try:
+        check_rendering()
+    except ValueError:
+        return False
+    return True
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

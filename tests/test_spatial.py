@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from pcjax import spatial
 from pcjax.cli import main
 from pcjax.model.spatial.bodies import Solid, centred_hull
 from pcjax.model.spatial.frozen import frozen
+from pcjax.model.spatial.hand import _read
 from pcjax.physics.state import INVALID, PASSED
 from pcjax.simulate.backends.crossing import Crossings
 from pcjax.simulate.backends.mujoco import run_trials
@@ -499,3 +501,17 @@ def test_a_hand_of_the_plane_is_the_same_in_three_dimensions(tmp_path: Path, dir
     assert np.mean(np.abs(plane - space) < 0.1) > 0.85
     assert np.corrcoef(plane, space)[0, 1] > 0.9
     assert (plane < 40).sum() >= 3
+
+
+def test_without_mujoco_one_line_says_how_to_get_it(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    path = tmp_path / "study.toml"
+    path.write_text(example("mujoco").split("[sweep]")[0])
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    _read.cache_clear()  # the hand was read before
+    code, _, err = done(capfd, "evaluate", path)
+    assert code == 2
+    assert "a hand in three dimensions needs MuJoCo" in err
+    assert "pip install 'pcjax[mujoco]'" in err
+    assert len(err.strip().splitlines()) == 1
