@@ -5,7 +5,7 @@ install --no-deps gymnasium-robotics` is enough. Its palm is up at rest, and til
 Keeps `results/shadow.csv`, row by row, and draws `results/shadow.png`; goes on where it was
 interrupted.
 
-    python -m experiments.shadow            # 13 minutes of a core
+    python -m experiments.shadow            # 11 minutes of a core
 """
 
 from __future__ import annotations
