@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pcjax.cli.parts import (
     add_outputs,
+    add_reading,
     add_run,
     check_data,
     check_picture,
@@ -16,6 +17,7 @@ from pcjax.cli.parts import (
 )
 from pcjax.paper import constants as paper
 from pcjax.paper.figures import run_figure
+from pcjax.paper.readings import LITERAL, READINGS
 from pcjax.paper.tables import figure_table
 from pcjax.results.saving import save_dataset
 from pcjax.study.spec import TRIALS, Run
@@ -29,6 +31,7 @@ def add_figure(parser: argparse.ArgumentParser) -> None:
         metavar="figure",
         help=f"one of {', '.join(paper.FIGURE_NAMES)}",
     )
+    add_reading(parser)
     add_run(parser)
     add_outputs(parser, data="keep the data: .nc (netCDF)", plot="the picture, figNAME.png here")
     parser.set_defaults(run=_run)
@@ -40,7 +43,8 @@ def _run(arguments: argparse.Namespace) -> None:
     picture = arguments.plot
     check_picture(picture)
     check_data(arguments.out)
-    data = run_figure(arguments.figure, **run_settings(arguments, Run(trials=TRIALS)))
+    run = run_settings(arguments, Run(trials=TRIALS))
+    data = run_figure(arguments.figure, READINGS[arguments.reading or LITERAL.name], **run)
     if arguments.out:
         save_dataset(data, arguments.out)
     save_picture("paper.pictures.plot_figure", data, picture)

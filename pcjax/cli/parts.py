@@ -13,6 +13,7 @@ from typing import Any
 from pcjax.components import Quantity
 from pcjax.importing import named
 from pcjax.paper import constants as paper
+from pcjax.paper.readings import LITERAL, READINGS
 from pcjax.simulate.choose import engine_names
 from pcjax.simulate.engine import ENGINES, Engine
 from pcjax.study.spec import MOST_TRIALS, Run, Study, own_parameters
@@ -158,6 +159,17 @@ def add_dt(parser: argparse.ArgumentParser, default: str) -> None:
 
 
 RUN_FLAGS = ("trials", "max_steps", "seed", "engine", "dt", "precision")
+
+
+def add_reading(parser: argparse.ArgumentParser) -> None:
+    """Which reading of the paper's model."""
+    what = "; ".join(f"{reading.name}: {reading}" for reading in READINGS.values())
+    parser.add_argument(
+        "--reading",
+        choices=READINGS,
+        default=None,
+        help=f"of the paper's model (default: {LITERAL.name}): {what}",
+    )
 
 
 def as_flags_say(study: Study, arguments: argparse.Namespace) -> Study:

@@ -66,8 +66,8 @@ class Figure:
     """The parameter with one curve for each value: "gap_width" or "radius"."""
 
 
-_NARROW = tuple(float(angle) for angle in range(-20, 51, 10))
-_WIDE = tuple(float(angle) for angle in range(-20, 81, 10))
+_NARROW = tuple(float(angle) for angle in range(-20, 51, 5))
+_WIDE = tuple(float(angle) for angle in range(-20, 81, 5))
 
 FIGURES = {
     "9a": Figure(

@@ -11,23 +11,23 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pcjax.importing import xr
-from pcjax.model.bodies.circle import Circle
 from pcjax.model.bodies.stick import Stick
-from pcjax.model.drives.arm import PlanarArm
 from pcjax.model.hand import full_cage
 from pcjax.model.presets import box_hand, two_joint_hand
 from pcjax.model.scenario import DIRECTIONS, does
 from pcjax.paper import constants as paper
+from pcjax.paper.readings import LITERAL, Reading, reading_of
 from pcjax.results.checking import check_attribute, check_numbers
 from pcjax.results.schema import INDICES, Attribute, units_of, variable_of
 from pcjax.study.evaluate import evaluate_grid
 
 
-def run_figure(name: str, **run: Any) -> xr.Dataset:
+def run_figure(name: str, reading: Reading = LITERAL, **run: Any) -> xr.Dataset:
     """Evaluates all conditions of a figure in one batch.
 
     Arguments:
         name: one of `pcjax.paper.constants.FIGURE_NAMES`.
+        reading: of the paper's model, one of `pcjax.paper.readings.READINGS`.
         run: `trials`, `max_steps` (the paper's unless given) and others of
             `pcjax.evaluate_grid`.
 
@@ -39,8 +39,9 @@ def run_figure(name: str, **run: Any) -> xr.Dataset:
     if run.get("max_steps") is None:
         run["max_steps"] = paper.max_steps(name)
     if name not in paper.FIGURES:
-        return _run_arm_figure(name, **run)
+        return _run_arm_figure(name, reading, **run)
     figure, unit = paper.FIGURES[name], paper.WRIST_PALM_LENGTH
+    drive, law = reading.wrist(), reading.law()
     rows, scenarios = [], []
     for gap_width in figure.gap_widths:
         for radius in figure.radii:
@@ -53,17 +54,18 @@ def run_figure(name: str, **run: Any) -> xr.Dataset:
                 )
                 for direction in figure.directions:
                     rows.append((direction, gap_width, radius, angle))
-                    scenarios.append(DIRECTIONS[direction](hand, Circle(radius * unit)))
+                    body = reading.circle(radius * unit)
+                    scenarios.append(DIRECTIONS[direction](hand, body, drive, law))
     names = ["direction", "gap_width", "radius", "angle"]
     coords = dict(zip(names, zip(*rows, strict=True), strict=True))
     dataset = evaluate_grid(scenarios, coords, **run)
     dataset.angle.attrs = {"units": "degrees", "long_name": "fingertip angle theta_g"}
     dataset.radius.attrs = dataset.gap_width.attrs = {"units": "palm lengths L_p"}
-    dataset.attrs |= {"figure": name, "title": figure.title}
+    dataset.attrs |= {"figure": name, "title": figure.title, "reading": reading.name}
     return dataset
 
 
-def _run_arm_figure(name: str, **run: Any) -> xr.Dataset:
+def _run_arm_figure(name: str, reading: Reading, **run: Any) -> xr.Dataset:
     parts = [paper.ARM_FIGURES[part] for part in ("13", "14") if name in (part, "15")]
     parts = parts or [paper.ARM_FIGURES[name]]
     stick = parts[0].body == "stick"
@@ -83,10 +85,10 @@ def _run_arm_figure(name: str, **run: Any) -> xr.Dataset:
             palm_length=paper.ARM_PALM_LENGTH,
             lengths=paper.ARM_FINGER,
         )
-        body = Circle(paper.ARM_RADIUS)
+        body = reading.circle(paper.ARM_RADIUS)
         if stick:
             body = Stick(paper.ARM_RADIUS, math.radians(orientation))
-        scenarios.append(does(hand, body, PlanarArm(gravity=paper.GRAVITY)))
+        scenarios.append(does(hand, body, reading.arm(), reading.law()))
     names = ("theta_1", "theta_2", "orientation")
     coords: dict[str, Any] = dict(zip(names, zip(*angles, strict=True), strict=True))
     tips = [[s.hand.finger(i)[-1].end.x for i in (0, 1)] for s in scenarios]
@@ -98,7 +100,7 @@ def _run_arm_figure(name: str, **run: Any) -> xr.Dataset:
         dataset[key].attrs = {"units": "degrees"}
     dataset.width.attrs = {"units": units_of("length"), "long_name": "between the fingertips' ends"}
     title = paper.FIG15_TITLE if name == "15" else parts[0].title
-    dataset.attrs |= {"figure": name, "title": title}
+    dataset.attrs |= {"figure": name, "title": title, "reading": reading.name}
     return dataset
 
 
@@ -106,10 +108,11 @@ def check_figure(data: xr.Dataset) -> None:
     """Refuses a dataset that says it is a figure of the paper and is not.
 
     Raises:
-        ValueError: an unknown figure, or other conditions than that figure's.
+        ValueError: an unknown figure or reading, or other conditions than that figure's.
     """
     for attribute in ("figure", "title"):
         check_attribute(data, attribute, Attribute("text"))
+    reading_of(data)
     name = data.attrs["figure"]
     if name in paper.FIGURES:
         figure = paper.FIGURES[name]

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from pcjax.importing import xr
 from pcjax.paper import constants as paper
 from pcjax.paper.figures import Curve, curve, score_curve
+from pcjax.paper.readings import LITERAL, reading_of
 from pcjax.results.schema import NAMES
 from pcjax.results.tables import engines_text
 from pcjax.view.labels import score_label
@@ -61,7 +62,7 @@ def plot_figure(dataset: xr.Dataset) -> Figure:
     axis.grid(alpha=0.3)
     attrs = dataset.attrs
     axis.set_title(
-        f"{_in_symbols(settings.title)}\n"
+        f"{_heading(dataset, settings.title)}\n"
         f"{attrs['trials']:,} trials, limit {attrs['max_steps']:,} steps; "
         f"{engines_text(attrs['engine'], dataset.dt)}\n95 % bands, hollow: full cage",
         fontsize=10,
@@ -102,12 +103,18 @@ def _plot_arm_figure(dataset: xr.Dataset) -> Figure:
         axis.set_ylim(0, None)
     axis.grid(alpha=0.3, which="both" if name == "15" else "major")
     axis.set_title(
-        f"{_in_symbols(attrs['title'])}\n"
+        f"{_heading(dataset, attrs['title'])}\n"
         f"{attrs['trials']:,} trials, limit {attrs['max_steps']:,} steps; "
         f"{engines_text(attrs['engine'], dataset.dt)}\n95 % bands, hollow: full cage",
         fontsize=10,
     )
     return figure
+
+
+def _heading(dataset: xr.Dataset, title: str) -> str:
+    """The title, and under which reading the figure is if not the literal one."""
+    reading = reading_of(dataset)
+    return _in_symbols(title) + ("" if reading == LITERAL else f"\n{reading.name}: {reading}")
 
 
 def _in_symbols(title: str) -> str:

@@ -7,15 +7,26 @@ import math
 from pcjax.importing import xr
 from pcjax.paper import constants as paper
 from pcjax.paper.figures import curve, score_curve
+from pcjax.paper.readings import LITERAL, Reading, reading_of
 from pcjax.quality.indices import Estimate
 from pcjax.results.schema import INDICES, NAMES
-from pcjax.results.tables import estimate_text, in_columns, stick_text
+from pcjax.results.tables import estimate_text, in_columns, stick_text, wrapped
+
+
+def reading_text(reading: Reading) -> list[str]:
+    """What is told of a reading that is not the literal one."""
+    if reading == LITERAL:
+        return []
+    return [wrapped(f"Under the reading '{reading.name}': {reading}. {reading.doubt}", indent=0)]
 
 
 def figure_table(data: xr.Dataset) -> str:
     """A figure's numbers as text: one line per angle, one column per curve."""
-    if data.attrs["figure"] not in paper.FIGURES:
-        return _arm_table(data)
+    table = _wrist_table if data.attrs["figure"] in paper.FIGURES else _arm_table
+    return "\n".join([*reading_text(reading_of(data)), table(data)])
+
+
+def _wrist_table(data: xr.Dataset) -> str:
     settings = paper.FIGURES[str(data.attrs["figure"])]
     heads, curves = [], []
     for gap_width in settings.gap_widths:
