@@ -28,6 +28,7 @@ from pcjax.cli.compilation_cache import OLDEST_JAX, cache_folder, use_compilatio
 from pcjax.paper import constants as paper
 from pcjax.paper.claims import FIGURES_NEEDED, judge_claims
 from pcjax.paper.figures import run_figure
+from pcjax.results.saving import save_dataset
 from pcjax.study import Study
 from pcjax.view.plots import plot_evaluation
 
@@ -787,6 +788,41 @@ def test_claims_from_kept_data_and_from_a_new_run_agree(command: Command, kept: 
     assert (anew.code, anew.out) == (0, from_kept.out)
 
 
+def test_claims_say_under_which_reading_they_are_judged(command: Command, kept: Path):
+    rubbed = kept.parent / "rubbed"
+    shutil.copytree(kept, rubbed)
+    for path in rubbed.glob("*.nc"):
+        data = xr.load_dataset(path, engine="h5netcdf").assign_attrs(reading="rubbing")
+        save_dataset(data, path)
+    told = command(f"claims --results {rubbed}")
+    assert told.out.startswith("Under the reading 'rubbing': gravity 98, friction 0.35")
+    assert "Sec. 2.1, which rules friction out" in told.out
+    assert list(verdicts(told)) == list(range(1, 13))
+    shown = command(f"show {rubbed}/fig9b.nc")
+    assert shown.out.startswith("Under the reading 'rubbing'")
+    check_refused(command(f"claims --results {rubbed} --reading literal"), "fig9a.nc", "rubbing")
+    shutil.copy(kept / "fig17.nc", rubbed)
+    check_refused(command(f"claims --results {rubbed}"), "fig17.nc", "literal", "rubbing")
+    data = xr.load_dataset(kept / "fig9a.nc", engine="h5netcdf").assign_attrs(reading="free")
+    save_dataset(data, rubbed / "fig9a.nc")
+    check_refused(command(f"claims --results {rubbed}"), "fig9a.nc", "free", "literal, rubbing")
+
+
+def test_a_figure_under_the_other_reading_is_another_one(command: Command, tmp_path: Path):
+    told = [
+        command(f"figure 13 --trials 20 --max-steps 3000 --reading {reading} --out {reading}.nc")
+        for reading in ("literal", "rubbing")
+    ]
+    assert [done.code for done in told] == [0, 0]
+    literal, rubbing = (
+        xr.load_dataset(tmp_path / f"{name}.nc", engine="h5netcdf")
+        for name in ("literal", "rubbing")
+    )
+    assert (literal.attrs["reading"], rubbing.attrs["reading"]) == ("literal", "rubbing")
+    # Ten times the gravity, and the same draws: no trial of an open hand stays as it was.
+    assert not np.any(literal.index1.values[0] == rubbing.index1.values[0])
+
+
 def test_estimates_that_tell_nothing_reproduce_nothing(kept: Path):
     figures = {}
     for name in FIGURES_NEEDED:
@@ -902,6 +938,7 @@ BAD_WORDS = [
     refused("figure", "figure"),
     refused("figure 16", "16", "9a, 9b, 10, 11, 12, 13, 14, 15, 17"),
     refused("figure 9", "'9'", "9a, 9b, 10, 11, 12"),
+    refused("figure 12 --reading rubing", "rubing", "literal, rubbing"),
     refused("figure 12 13", "13"),
 ]
 BAD_COMBINATIONS = [

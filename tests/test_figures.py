@@ -14,6 +14,7 @@ from pcjax.paper import constants as paper
 from pcjax.paper.claims import FIGURES_NEEDED, IN_PART, NOT, REPRODUCED, judge_claims
 from pcjax.paper.figures import curve, run_figure, score_curve
 from pcjax.paper.pictures import plot_figure
+from pcjax.paper.readings import LITERAL, RUBBING, rubbing_wrist
 from pcjax.results.schema import STATISTICS
 
 pytestmark = pytest.mark.usefixtures("quick_programs")
@@ -62,7 +63,7 @@ def test_a_contrast_adds_up_terms_at_one_angle(grid: xr.Dataset) -> None:
 
 
 def test_settings_are_the_papers(grid: xr.Dataset) -> None:
-    assert grid.sizes["condition"] == 48
+    assert grid.sizes["condition"] == 90
     assert set(grid.radius.values) == {0.01, 0.05, 0.1}
     assert set(grid.direction.values) == {"does", "eoen"}
     assert np.all(grid["count"].sum("status_name") == RUN["trials"])
@@ -70,6 +71,37 @@ def test_settings_are_the_papers(grid: xr.Dataset) -> None:
     index2 = grid.index2.sel(statistic="value").values
     assert np.all(index2[shut] == 1.0)
     assert np.all(index2[~shut & (grid.angle.values < 20)] < 1.0)
+
+
+@pytest.fixture(scope="module")
+def rubbed() -> xr.Dataset:
+    return run_figure("12", RUBBING, trials=20, max_steps=20_000, seed=3)
+
+
+def test_a_figure_under_the_other_reading_is_of_pucks_that_rub(rubbed: xr.Dataset) -> None:
+    hand = pcjax.box_hand(math.radians(20))
+    alone = pcjax.evaluate(
+        hand,
+        pcjax.Circle(25.0, turns=False),
+        drive=pcjax.WristTilt(gravity=98.0),
+        law=pcjax.ContactLaw(friction=0.35),
+        trials=20,
+        max_steps=20_000,
+        seed=3,
+    )
+    for direction in ("does", "eoen"):
+        line = curve(rubbed, direction, where={"radius": 0.05})
+        assert line.value[line.at(20.0)] == alone.indices(direction)["index1"].value
+    preset = rubbing_wrist(hand, 25.0, "eoen")
+    named = pcjax.evaluate_grid([preset], {"n": [0]}, trials=20, max_steps=20_000, seed=3)
+    assert float(named.index1.sel(statistic="value")[0]) == line.value[line.at(20.0)]
+
+
+def test_what_is_drawn_under_another_reading_says_so(rubbed: xr.Dataset, grid: xr.Dataset) -> None:
+    (axis,) = plot_figure(rubbed).axes
+    assert "rubbing: gravity 98, friction 0.35, circles that do not turn" in axis.get_title()
+    (axis,) = plot_figure(grid).axes
+    assert LITERAL.name not in axis.get_title()
 
 
 def test_unknown_figure_is_refused() -> None:

@@ -65,8 +65,8 @@ RUBBING = Reading(
     "It contradicts Sec. 2.1, which rules friction out, and was found by a search for what the "
     "paper's curves need.",
 )
-"""A puck that rubs without rolling, ten times as fast: nothing that agrees with the paper's text was
-found to put the peaks of Fig. 9(b) where the paper has them, and this does."""
+"""A puck that rubs without rolling, and falls ten times as fast: found to bring the peaks of
+Fig. 9(b) near the paper's, which nothing that agrees with its text was found to do."""
 
 READINGS = {reading.name: reading for reading in (LITERAL, RUBBING)}
 """By name; the literal one is what is meant where none is named."""
