@@ -12,7 +12,7 @@ import xarray as xr
 import pcjax
 from pcjax.paper import constants as paper
 from pcjax.paper.claims import FIGURES_NEEDED, IN_PART, NOT, REPRODUCED, judge_claims
-from pcjax.paper.figures import curve, run_figure, score_curve
+from pcjax.paper.figures import check_figure, curve, run_figure, score_curve
 from pcjax.paper.pictures import plot_figure
 from pcjax.paper.readings import LITERAL, RUBBING, rubbing_wrist
 from pcjax.results.schema import STATISTICS
@@ -102,6 +102,17 @@ def test_what_is_drawn_under_another_reading_says_so(rubbed: xr.Dataset, grid: x
     assert "rubbing: gravity 98, friction 0.35, circles that do not turn" in axis.get_title()
     (axis,) = plot_figure(grid).axes
     assert LITERAL.name not in axis.get_title()
+
+
+def test_a_figure_kept_when_steps_were_wider_is_still_one(grid: xr.Dataset) -> None:
+    check_figure(grid)
+    every_second = np.flatnonzero(grid.angle.values % 10 == 0)
+    kept = grid.isel(condition=every_second, condition_2=every_second)
+    check_figure(kept)
+    line, fine = (score_curve(data, {"radius": 0.05}) for data in (kept, grid))
+    assert line.difference(20.0, 0.0) == pytest.approx(fine.difference(20.0, 0.0), rel=1e-12)
+    with pytest.raises(ValueError, match=r"not those of Fig\. 12"):
+        check_figure(grid.isel(condition=every_second[1:], condition_2=every_second[1:]))
 
 
 def test_unknown_figure_is_refused() -> None:

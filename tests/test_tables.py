@@ -282,7 +282,7 @@ def test_a_map_survives_as_a_table(tmp_path: Path) -> None:
 
 
 def test_an_earlier_figure_has_todays_form_and_its_own_numbers(tmp_path: Path) -> None:
-    path = RESULTS / "fig9b.nc"
+    path = RESULTS / "fig9a.nc"
     old, new = xr.load_dataset(path, engine="h5netcdf"), load_dataset(path)
     assert new.attrs["kind"] == "grid"
     for k, index in enumerate(INDICES):
