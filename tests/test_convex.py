@@ -334,3 +334,28 @@ def test_a_small_sharp_square_is_not_lost_to_rounding() -> None:
     scenario = pcjax.does(pcjax.box_hand(math.radians(10)), pcjax.Square(10.0))
     out = run([scenario], engine=ConvexLeaps(), trials=200, max_steps=600_000)
     assert not np.any(out.status == INVALID)
+
+
+@pytest.mark.parametrize("law", [pcjax.ContactLaw(), pcjax.ContactLaw(friction=0.35)])
+def test_a_gap_that_a_body_fits_exactly_lets_it_through(law: pcjax.ContactLaw) -> None:
+    """As many as one with a little room, whatever the precision; 200 shared trials. Rounding held
+    most of them back. False alarm 1e-4: four standard errors of a paired difference."""
+    hand = pcjax.box_hand(math.radians(30))  # W_g - 2 L_g sin(theta_g) = 100
+
+    def ends(radius: float, precision: int) -> np.ndarray:
+        scenario = pcjax.eoen(hand, pcjax.Circle(radius, turns=False), law=law)
+        out = run(
+            [scenario],
+            engine=ConvexLeaps(),
+            trials=200,
+            max_steps=300_000,
+            seed=1,
+            precision=precision,
+        )
+        return out.steps[0].astype(float)
+
+    exactly = ends(50.0, 32)
+    assert np.mean(exactly < 300_000) > 0.1
+    for other in (ends(50.0, 64), ends(49.9, 32)):
+        difference = exactly - other
+        assert abs(difference.mean()) <= 4 * difference.std(ddof=1) / math.sqrt(200)

@@ -29,6 +29,7 @@ from pcjax.simulate.cloud import Cloud
 from pcjax.simulate.engine import Engine, How
 from pcjax.simulate.lanes import Lanes
 from pcjax.simulate.outcomes import Outcomes
+from pcjax.simulate.room import with_room
 from pcjax.simulate.rounds import Program
 from pcjax.simulate.track import Follower
 from pcjax.simulate.workers import Ledger, advance_for, crew_of, work
@@ -143,6 +144,9 @@ class LaneEngine(Engine):
 
     def fill(self, outcomes: Outcomes, scenarios: Sequence[Scenario], how: How) -> None:
         """Runs lanes in blocks, refilled as trials end."""
+        self._fill(outcomes, with_room(scenarios), how)
+
+    def _fill(self, outcomes: Outcomes, scenarios: Sequence[Scenario], how: How) -> None:
         loose = [unfixed(scenario) for scenario in scenarios]
         shared: dict[Any, Any] = {}
         kinds: dict[Any, list[int]] = {}
@@ -156,7 +160,7 @@ class LaneEngine(Engine):
         if len(kinds) > 1:
             for chosen in kinds.values():
                 part = outcomes.of(chosen)
-                self.fill(part, [scenarios[k] for k in chosen], how)
+                self._fill(part, [scenarios[k] for k in chosen], how)
                 outcomes.put(chosen, part)
             return
         dtype = np.float32 if how.precision == 32 else np.float64

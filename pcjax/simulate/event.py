@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from jaxtyping import Array
 
 from pcjax.geometry import NEVER, Scalar
-from pcjax.model.checking import passages_of
-from pcjax.model.hand import full_cage
 from pcjax.model.scenario import Scenario, World
 from pcjax.physics.contact.circle import move_circle
 from pcjax.physics.contact.table import registered_contact
 from pcjax.physics.state import State
 from pcjax.simulate.bursts import Bursts, LeapingEngine
-from pcjax.simulate.engine import How, register_engine
+from pcjax.simulate.engine import register_engine
 from pcjax.simulate.leaping import Flight, leap
-from pcjax.simulate.outcomes import Outcomes
-
-_LEAST_CLEARANCE = 1e-4
-"""Difference between passage and object, in contact diameters, with which trials are run."""
 
 
 class CircleBursts(Bursts):
@@ -51,19 +43,6 @@ class CircleBursts(Bursts):
         return replace(state, position=flights.position, velocity=flights.velocity)
 
 
-def _with_room(scenario: Scenario, passages: np.ndarray) -> Scenario:
-    """The scenario with an object that passes between any two limbs with some room, or is too wide
-    by as much."""
-    width = float(scenario.body.width)
-    room = _LEAST_CLEARANCE * 2 * float(scenario.contact_radius)
-    near = passages[np.abs(passages - width) < room]
-    if not near.size:
-        return scenario
-    fits = near[~full_cage(near, width)]
-    wanted = fits.min() - room if fits.size else near.max() + room
-    return replace(scenario, body=scenario.body.scaled(float(wanted) / width))
-
-
 @register_engine("event")
 class EventDriven(LeapingEngine):
     """The engine that leaps from event to event, for a circle in a hand that a wrist tilts.
@@ -88,16 +67,3 @@ class EventDriven(LeapingEngine):
         if scenario.law.friction is not None or scenario.law.drag is not None:
             return "it knows motion without friction and drag"
         return None
-
-    def fill(self, outcomes: Outcomes, scenarios: Sequence[Scenario], how: How) -> None:
-        """Runs lanes in blocks, refilled as trials end.
-
-        An object that fits between two limbs exactly, or all but, would be touched on both sides in
-        every leap, and rounding would decide whether it fits. It is run a ten-thousandth smaller,
-        or larger if it is too wide already, to which index 1 tends.
-        """
-        super().fill(outcomes, list(map(_with_room, scenarios, passages_of(scenarios))), how)
-
-    def processor_seconds(self, scenario: Scenario, max_steps: int) -> float:
-        """0.05 ms to 600 s."""
-        return 0.05e-3 * max_steps / 600_000
