@@ -81,7 +81,8 @@ def draw(kept: dict[str, dict[str, xr.Dataset]]) -> Figure:
     for axes, (reading, figures) in zip(rows, kept.items(), strict=True):
         narrow, wide, grid = (figures[name] for name in ("9a", "9b", "12"))
         band(axes[0], curve(narrow, "does", "index2"), COLOURS[0], "index 2", 1.0)
-        axes[0].set_ylabel(f"{reading}: {READINGS[reading]}", fontsize=9)
+        says = str(READINGS[reading]).replace(", circles", ",\ncircles")
+        axes[0].set_ylabel(f"{reading}: {says}", fontsize=9)
         for gap_width, colour, stated in zip(
             paper.GAP_WIDTHS, COLOURS, (None, 40.0, 50.0), strict=False
         ):
