@@ -417,6 +417,8 @@ def test_half_the_step_is_told_of(cup: spatial.Hand):
         (('root = "palm"', 'exclude = ["lid"]'), "exclude: there is no body or geom lid"),
         (("radius = 0.024", "radius = 0.05"), "does not fit at its start"),
         (("0.0, 0.0, 0.036", "0.0, 0.0, 0.5"), "is not inside of what the hand holds"),
+        (("0.002, 0.002, 0.001", "-0.002, 0, 0"), r"line \d+: \[start\] spread .*-0.002"),
+        (("0.002, 0.002, 0.001", "0.002, 0.002"), r"line \d+: \[start\] spread "),
         (
             ("tip1 = 20.0\ntip2 = 20.0\ntip3 = 20.0", "tip1 = 55\ntip2 = 55\ntip3 = 55"),
             "and geom .* overlap in this posture",
@@ -463,6 +465,9 @@ def test_files_that_mujoco_cannot_use_are_refused(tmp_path: Path, cup: spatial.H
     bad.write_text(CUP.replace('type="box"', 'type="box" contype="0" conaffinity="0"'))
     with pytest.raises(ValueError, match=r"no geom of cup .* collides"):
         frozen(spatial.Hand(bad, cup.start, root="cup"))
+    parts = ["bottom", "east", "west", "north", "south", "lid"]
+    with pytest.raises(ValueError, match=r"no geom of cup .* is left: exclude takes out all 6 "):
+        frozen(spatial.Hand(cup.file, cup.start, root="cup", exclude=parts))
     with pytest.raises(ValueError, match=r"geom floor is a plane: .*exclude it"):
         frozen(spatial.Hand(cup.file, cup.start))
 

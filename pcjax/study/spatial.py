@@ -336,7 +336,8 @@ class SpatialReader(Reader):
             raise ValueError("[hand] needs either a file or a preset")
         preset = self.word("hand", "preset", tuple(PRESETS), None)
         file = PRESETS[preset] if preset else self.path(self.text("hand", "file"))
-        start = self.sound("start", lambda: StartBox(**self.named("start", StartBox)))
+        where = self.named("start", StartBox)
+        start = self.sound("start", lambda: StartBox(**where))
         kind = self.word("escape", "kind", ESCAPES.kinds(), "hull")
         escape: Escape = self.component("escape", ESCAPES, "kind", kind, {})
         chosen: dict[str, Any] = {
