@@ -99,7 +99,8 @@ def test_a_designed_study_has_its_numbers() -> None:
     assert made.body.radius == pytest.approx(0.021)
     assert [made.hand.to_file(f"tip{k}") for k in (1, 2, 3)] == [31.0] * 3
     scenario: Any = task_of(mine).scenarios(space.hand(design))[0]  # pyright: ignore
-    assert scenario.key == made.scenarios()["does"].key
+    assert scenario.hand.key == made.hand.key
+    assert scenario.body.width == made.body.width
 
 
 def test_what_does_not_do_is_not_allowed_and_counted() -> None:

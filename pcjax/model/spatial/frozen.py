@@ -176,9 +176,7 @@ def _freeze(hand: SpatialHand) -> FrozenHand:
     mj, there = mujoco(), posed(hand)
     model, data = there.model, there.data
     collide = [
-        k
-        for k in range(model.ngeom)
-        if there.below[model.geom_bodyid[k]] and there.collides(k)
+        k for k in range(model.ngeom) if there.below[model.geom_bodyid[k]] and there.collides(k)
     ]
     chosen = [k for k in collide if set(hand.exclude).isdisjoint(there.parts_of(k))]
     if not chosen:

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
-import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -173,12 +172,6 @@ class SpatialScenario(Scenario):
             "object_width": self.body.width,
             "hand_digest": self.hand.digest,
         }
-
-    @property
-    def key(self) -> tuple[Any, ...]:
-        """What says which scenario it is, for plain numbers."""
-        leaves, structure = jax.tree.flatten(self)
-        return (structure, *map(float, leaves))
 
 
 def check_spatial(hand: Any, body: Any, drive: Any, law: Any) -> None:
