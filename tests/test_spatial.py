@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import stats
 
 import pcjax
 from experiments.plane3d import compared, flat
@@ -21,8 +22,9 @@ from pcjax.model.spatial.bodies import Solid, centred_hull
 from pcjax.model.spatial.frozen import frozen
 from pcjax.model.spatial.hand import _read
 from pcjax.physics.state import INVALID, PASSED
+from pcjax.quality import stopping
 from pcjax.simulate.backends.crossing import Crossings
-from pcjax.simulate.backends.mujoco import run_trials
+from pcjax.simulate.backends.mujoco import MuJoCo, run_trials
 from pcjax.simulate.batch import run
 from pcjax.simulate.choose import choose_engine
 from pcjax.simulate.draws import period_draws, trial_key
@@ -401,9 +403,46 @@ def test_half_the_step_is_told_of(cup: spatial.Hand):
     assert result.attrs["does_half_step_trials"] == 4
     later = result.attrs["does_half_step_later"]
     assert 0.5 <= later <= 1.5
-    assert ("half the step" in " ".join(result.notes())) == (
-        later > 1.96 * result.attrs["does_half_step_se"]
-    )
+    error = result.attrs["does_half_step_se"]
+    told = "half the step" in " ".join(result.notes())
+    assert told == (later > stats.t.ppf(0.975, df=3) * error)
+
+
+@pytest.mark.parametrize(("trials", "told"), [(4, False), (100, True)])
+def test_a_difference_of_few_trials_has_to_be_larger(trials: int, told: bool):
+    # 2.5 standard errors: with 3 degrees of freedom 95 % are within 3.18 of them, with 99 in 1.98.
+    study, _ = read_study_text(example("mujoco"))
+    result = pcjax.evaluate_study(replace(study, run=replace(study.run, trials=4, max_steps=20)))
+    result.attrs |= {
+        "does_half_step_later": -2.5,
+        "does_half_step_se": 1.0,
+        "does_half_step_trials": trials,
+    }
+    assert ("half the step" in " ".join(result.notes())) == told
+
+
+@pytest.mark.parametrize("compared", [False, True])
+def test_half_the_step_is_tried_once_for_a_precision(
+    cup: spatial.Hand, monkeypatch: pytest.MonkeyPatch, compared: bool
+):
+    # However often it is looked at how many trials the precision takes.
+    asked = []
+
+    def second_opinion(self: MuJoCo, scenario: Any, outcomes: Any, how: Any) -> dict[str, float]:
+        asked.append(outcomes.steps.shape[1])
+        return {"half_step_later": 0.0, "half_step_se": 0.0, "half_step_trials": 2}
+
+    monkeypatch.setattr(MuJoCo, "second_opinion", second_opinion)
+    monkeypatch.setattr(stopping, "FIRST_LOOK", 8)
+    run_as = pcjax.Run(trials=20, max_steps=10, precision_target=1e-4)
+    study = spatial.Study(cup, spatial.Sphere(0.01), still((0, 0, 1)), run=run_as)
+    if compared:
+        other = replace(study, body=spatial.Sphere(0.011))
+        found = pcjax.compare({"one": study, "other": other}).evaluations["one"]
+    else:
+        found = pcjax.evaluate_study(study)
+    assert asked == [20] * (2 if compared else 1)
+    assert found.attrs["does_half_step_trials"] == 2
 
 
 @pytest.mark.parametrize(
