@@ -220,6 +220,8 @@ def _scaled(hand: SpatialHand) -> Any:
             geom.alt.type = mujoco().mjtOrientation.mjORIENTATION_QUAT
         for part in (*body.bodies, *body.joints):
             part.pos = np.asarray(part.pos) * factor
+    # Masses do not count here, and MuJoCo refuses those of small links.
+    spec.compiler.boundmass = spec.compiler.boundinertia = 1e-12
     return spec.compile()
 
 

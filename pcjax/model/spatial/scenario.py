@@ -88,6 +88,14 @@ class SpatialScenario(Scenario):
             return given
         return given.mirrored(self.hand.fingertips, *self.hand.escape.opening)
 
+    def thinnest(self) -> tuple[str, float]:
+        """What is thinnest of all that may run against each other, the hand's geoms and the object,
+        and half of its thickness, m."""
+        geom, own = self.seen().thinnest, self.body.solid().half_thickness
+        if own < geom.solid.half_thickness:
+            return "the object", own
+        return geom.name, geom.solid.half_thickness
+
     def pull(self, angles: Float[np.ndarray, "trials 2"]) -> Float[np.ndarray, "trials 3"]:
         """Gravity for angles T1 and T2, as the object feels it, m / s^2."""
         pull = self.drive.pull(angles)
