@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import stats
 
 import pcjax
 from experiments.plane3d import compared, flat
@@ -21,8 +22,9 @@ from pcjax.model.spatial.bodies import Solid, centred_hull
 from pcjax.model.spatial.frozen import frozen
 from pcjax.model.spatial.hand import _read
 from pcjax.physics.state import INVALID, PASSED
+from pcjax.quality import stopping
 from pcjax.simulate.backends.crossing import Crossings
-from pcjax.simulate.backends.mujoco import run_trials
+from pcjax.simulate.backends.mujoco import MuJoCo, run_trials
 from pcjax.simulate.batch import run
 from pcjax.simulate.choose import choose_engine
 from pcjax.simulate.draws import period_draws, trial_key
@@ -336,6 +338,34 @@ def test_geoms_that_are_too_thin_for_any_step_are_refused(tmp_path: Path, cup: s
     assert choose_engine("auto", None, thick).step_taken(10.0) == pytest.approx(0.002)
 
 
+def test_steps_are_short_enough_for_thin_objects(cup: spatial.Hand):
+    # A coin of 1 mm in walls of 10 mm: with the step that does for the walls it is lost in nearly
+    # every trial, with its own in none.
+    start = spatial.StartBox((0.0, 0.0, 0.03), (0.01, 0.01, 0.0), None)
+    tilt = spatial.Tilt(math.radians(60), (0.0, 0.0, -1.0), ramp_time=0.2, period=0.5)
+    coin = spatial.Cylinder(0.012, 0.001)
+    scenario = spatial.Scenario(cup.having(start=start), coin, tilt)
+    dt = choose_engine("auto", None, scenario).step_taken(tilt.period)
+    assert dt == pytest.approx(0.00025)
+    for step, least, most in ((dt, 0, 0), (0.002, 6, 8)):
+        _, status = run_trials(scenario, np.arange(8), max_steps=1000, seed=0, dt=step)
+        assert least <= (status == INVALID).sum() <= most
+    thin = spatial.Scenario(cup, spatial.Cylinder(0.012, 0.0002), tilt)
+    with pytest.raises(ValueError, match=r"the object is 0.2 mm thick.* a smaller dt"):
+        choose_engine("auto", None, thin)
+    assert choose_engine("auto", 1e-4, thin).step_taken(tilt.period) == pytest.approx(1e-4)
+
+
+@pytest.mark.parametrize("radius", [1e-5, 1e-9])
+def test_specks_are_refused_in_our_words(cup: spatial.Hand, radius: float):
+    # MuJoCo refuses bodies of no mass, with an error of its own.
+    scenario = spatial.Scenario(cup, spatial.Sphere(radius), still((0, 0, -1)))
+    scenario.check()
+    with pytest.raises(ValueError, match=r"the object is .* mm thick"):
+        choose_engine("auto", None, scenario)
+    frozen(cup.having(scales={"lid": 1e-4}, exclude=[]))
+
+
 def test_what_is_not_finite_went_wrong(cup: spatial.Hand, monkeypatch: pytest.MonkeyPatch):
     tilt = still((0, 0, -1), gravity=9.8)
     monkeypatch.setattr(
@@ -401,9 +431,46 @@ def test_half_the_step_is_told_of(cup: spatial.Hand):
     assert result.attrs["does_half_step_trials"] == 4
     later = result.attrs["does_half_step_later"]
     assert 0.5 <= later <= 1.5
-    assert ("half the step" in " ".join(result.notes())) == (
-        later > 1.96 * result.attrs["does_half_step_se"]
-    )
+    error = result.attrs["does_half_step_se"]
+    told = "half the step" in " ".join(result.notes())
+    assert told == (later > stats.t.ppf(0.975, df=3) * error)
+
+
+@pytest.mark.parametrize(("trials", "told"), [(4, False), (100, True)])
+def test_a_difference_of_few_trials_has_to_be_larger(trials: int, told: bool):
+    # 2.5 standard errors: with 3 degrees of freedom 95 % are within 3.18 of them, with 99 in 1.98.
+    study, _ = read_study_text(example("mujoco"))
+    result = pcjax.evaluate_study(replace(study, run=replace(study.run, trials=4, max_steps=20)))
+    result.attrs |= {
+        "does_half_step_later": -2.5,
+        "does_half_step_se": 1.0,
+        "does_half_step_trials": trials,
+    }
+    assert ("half the step" in " ".join(result.notes())) == told
+
+
+@pytest.mark.parametrize("compared", [False, True])
+def test_half_the_step_is_tried_once_for_a_precision(
+    cup: spatial.Hand, monkeypatch: pytest.MonkeyPatch, compared: bool
+):
+    # However often it is looked at how many trials the precision takes.
+    asked = []
+
+    def second_opinion(self: MuJoCo, scenario: Any, outcomes: Any, how: Any) -> dict[str, float]:
+        asked.append(outcomes.steps.shape[1])
+        return {"half_step_later": 0.0, "half_step_se": 0.0, "half_step_trials": 2}
+
+    monkeypatch.setattr(MuJoCo, "second_opinion", second_opinion)
+    monkeypatch.setattr(stopping, "FIRST_LOOK", 8)
+    run_as = pcjax.Run(trials=20, max_steps=10, precision_target=1e-4)
+    study = spatial.Study(cup, spatial.Sphere(0.01), still((0, 0, 1)), run=run_as)
+    if compared:
+        other = replace(study, body=spatial.Sphere(0.011))
+        found = pcjax.compare({"one": study, "other": other}).evaluations["one"]
+    else:
+        found = pcjax.evaluate_study(study)
+    assert asked == [20] * (2 if compared else 1)
+    assert found.attrs["does_half_step_trials"] == 2
 
 
 @pytest.mark.parametrize(
@@ -417,6 +484,8 @@ def test_half_the_step_is_told_of(cup: spatial.Hand):
         (('root = "palm"', 'exclude = ["lid"]'), "exclude: there is no body or geom lid"),
         (("radius = 0.024", "radius = 0.05"), "does not fit at its start"),
         (("0.0, 0.0, 0.036", "0.0, 0.0, 0.5"), "is not inside of what the hand holds"),
+        (("0.002, 0.002, 0.001", "-0.002, 0, 0"), r"line \d+: \[start\] spread .*-0.002"),
+        (("0.002, 0.002, 0.001", "0.002, 0.002"), r"line \d+: \[start\] spread "),
         (
             ("tip1 = 20.0\ntip2 = 20.0\ntip3 = 20.0", "tip1 = 55\ntip2 = 55\ntip3 = 55"),
             "and geom .* overlap in this posture",
@@ -436,7 +505,7 @@ def test_bad_studies_are_refused_in_one_line(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], change: tuple[str, str], said: str
 ):
     before, after = change
-    text = example("mujoco").split("[sweep]")[0].replace("radius = 0.024\n", "radius = 0.024\n")
+    text = example("mujoco").split("[sweep]")[0]
     assert before in text
     if 'kind = "mesh"' in after:
         text = text.replace("radius = 0.024,", "").replace("radius = 0.024 ", "# ")
@@ -463,6 +532,9 @@ def test_files_that_mujoco_cannot_use_are_refused(tmp_path: Path, cup: spatial.H
     bad.write_text(CUP.replace('type="box"', 'type="box" contype="0" conaffinity="0"'))
     with pytest.raises(ValueError, match=r"no geom of cup .* collides"):
         frozen(spatial.Hand(bad, cup.start, root="cup"))
+    parts = ["bottom", "east", "west", "north", "south", "lid"]
+    with pytest.raises(ValueError, match=r"no geom of cup .* is left: exclude takes out all 6 "):
+        frozen(spatial.Hand(cup.file, cup.start, root="cup", exclude=parts))
     with pytest.raises(ValueError, match=r"geom floor is a plane: .*exclude it"):
         frozen(spatial.Hand(cup.file, cup.start))
 

@@ -23,6 +23,7 @@ from pcjax.design.compare import compare
 from pcjax.design.optimize import optimize
 from pcjax.design.outcome import Optimum, Settings
 from pcjax.design.postures import PostureSpace
+from pcjax.design.search import search_grid
 from pcjax.quality.surrogate import Surrogate
 from pcjax.results.reading import load_dataset
 from pcjax.simulate.outcomes import Outcomes
@@ -99,7 +100,8 @@ def test_a_designed_study_has_its_numbers() -> None:
     assert made.body.radius == pytest.approx(0.021)
     assert [made.hand.to_file(f"tip{k}") for k in (1, 2, 3)] == [31.0] * 3
     scenario: Any = task_of(mine).scenarios(space.hand(design))[0]  # pyright: ignore
-    assert scenario.key == made.scenarios()["does"].key
+    assert scenario.hand.key == made.hand.key
+    assert scenario.body.width == made.body.width
 
 
 def test_what_does_not_do_is_not_allowed_and_counted() -> None:
@@ -120,6 +122,22 @@ def test_what_does_not_do_is_not_allowed_and_counted() -> None:
     assert high.wrong_with(np.array([20.0])) == "a start is outside of the hand"
     with pytest.raises(ValueError, match=r"no allowed hand .*: a start is outside"):
         high.nearest_allowed([20.0])
+
+
+def test_what_is_too_thin_for_a_step_is_not_allowed() -> None:
+    """Links or objects, unless a step is asked for; and a search goes on beside them."""
+    mine = study()
+    free = {"scale.distal1+distal2+distal3": (0.01, 1.0), "radius": (1e-4, 0.024)}
+    held = mine.space(free).holding(task_of(mine))
+    designs = np.array([[1.0, 0.024], [0.01, 0.024], [1.0, 1e-4]])
+    assert held.which(designs).tolist() == [True, False, False]
+    assert held.refused() == {"too thin for the shortest step": 2}
+    finer = replace(mine, run=replace(mine.run, dt=1e-5))
+    assert finer.space(free).holding(task_of(finer)).which(designs).all()
+    surrogate = Surrogate(task_of(mine), form="exact", trials=8)
+    lengths = mine.space({"scale.distal1+distal2+distal3": (0.001, 1.0)})
+    found = search_grid(surrogate, lengths, Settings("grid", accept_trials=8), [5])
+    assert found.refused == {"too thin for the shortest step": 1}
 
 
 def test_a_joint_that_differs_is_no_design() -> None:

@@ -303,6 +303,8 @@ def test_postures_are_drawn_side_by_side(study: pcjax.Study) -> None:
         (("animate", "--plot", "x.gif"), "apt-get install libegl1"),
         (("evaluate", "--plot", "x.png"), "apt-get install libegl1"),
         (("inspect", "--plot", "x.png"), "apt-get install libegl1"),
+        (("optimize", "--plot", "x.png", "--trials", "4"), "apt-get install libegl1"),
+        (("optimize", "--plot", "x.png", "--front", "--trials", "4"), "apt-get install libegl1"),
         (("view", "--no-browser"), "apt-get install libegl1"),
     ],
     ids=lambda part: part[0] if isinstance(part, tuple) else "",

@@ -230,6 +230,8 @@ def _run(arguments: argparse.Namespace) -> None:
             flag = name.replace("_", "-")
             raise ValueError(f"--{flag} is for --method {whose}, and this is {method}")
     study = _for_all(condition(arguments), arguments)
+    if arguments.plot:
+        study.check_drawn()
     free = arguments.free or [(name, None) for name in study.usual_free]
     names = [study.label_of(name) for name, _ in free]
     for (name, _), label in zip(free, names, strict=True):

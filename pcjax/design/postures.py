@@ -20,6 +20,7 @@ from pcjax.model.spatial.hand import SpatialHand, several
 from pcjax.model.spatial.scenario import MisfitError
 from pcjax.quality.spatial import HandWithObject
 from pcjax.quality.task import Task
+from pcjax.simulate.choose import engine_for
 from pcjax.words import did_you_mean
 
 HELP = (
@@ -76,14 +77,16 @@ class PostureSpace(Space):
     """The hands in three dimensions that differ from a base hand in the free parameters.
 
     A design is a vector of the parameters' values as files have them. It is allowed within the
-    bounds if no geoms overlap that did not before, and the object has room at its starts. MuJoCo
-    takes milliseconds to tell, so what it said is remembered.
+    bounds if no geoms overlap that did not before, the object has room at its starts, and nothing
+    is too thin for a step. MuJoCo takes milliseconds to tell, so what it said is remembered.
 
     Arguments:
         base: the hand whose other numbers stay.
         free: the parameters.
         body: the object.
         task: for whose directions and objects hands are checked; a search puts its own there.
+        dt: the step of trials, s. Unless given it is chosen for each design, and one that is too
+            thin for every step is not allowed.
 
     Raises:
         ValueError: a number twice.
@@ -93,6 +96,7 @@ class PostureSpace(Space):
     free: tuple[PostureParameter, ...]
     body: Body
     task: Task | None = None
+    dt: float | None = None
     _wrong: dict[bytes, str] = field(default_factory=dict, repr=False, compare=False)
 
     picture = "view.postures.plot_optimum"
@@ -195,6 +199,7 @@ class PostureSpace(Space):
         try:
             for scenario in self.task.scenarios(hand):  # pyright: ignore[reportArgumentType]
                 scenario.check()
+                engine_for([scenario], self.dt)
         except MisfitError as misfit:
             return misfit.short
         return ""

@@ -273,14 +273,7 @@ class Evaluation(Shown):
                     f"{name}: full cage, the gap of {gap:.4g} is narrower than the object "
                     f"({width:.4g}) and nothing passes"
                 )
-            later = float(self.attrs.get(f"{direction}_half_step_later", 0.0))
-            error = float(self.attrs.get(f"{direction}_half_step_se", 0.0))
-            if abs(later) > 1.96 * error:
-                notes.append(
-                    f"{name}: with half the step the first "
-                    f"{self.attrs[f'{direction}_half_step_trials']} trials end {later:+.4g} ± "
-                    f"{error:.2g} steps later, which is beyond its error; a smaller dt tells more"
-                )
+            notes += self._half_step(direction)
             if counts["invalid"]:
                 notes.append(
                     f"{name}: {counts['invalid']} of {n} trials went wrong (a limb stepped over, "
@@ -314,6 +307,22 @@ class Evaluation(Shown):
                     "went right in both directions"
                 )
         return notes
+
+    def _half_step(self, direction: str) -> list[str]:
+        """Where half the step makes a difference that is beyond a 95 % interval."""
+        later = float(self.attrs.get(f"{direction}_half_step_later", 0.0))
+        if not later:
+            return []
+        from scipy.special import stdtrit
+
+        tried = int(self.attrs[f"{direction}_half_step_trials"])
+        error = float(self.attrs[f"{direction}_half_step_se"])
+        if abs(later) <= stdtrit(tried - 1, 0.975) * error:  # Student's t: they may be few
+            return []
+        return [
+            f"{NAMES[direction]}: with half the step the first {tried} trials end {later:+.4g} ± "
+            f"{error:.2g} steps later, which is beyond its error; a smaller dt tells more"
+        ]
 
     def as_json(self) -> dict[str, Any]:
         """Plain numbers for `--json`; what is undefined is null."""

@@ -172,7 +172,8 @@ def compare(studies: Mapping[str, Study], *, progress: bool = False) -> Ranking:
                 found[name] = experiment.go_on(trials, progress=progress)
         return _ranked(found, target)
 
-    return until_known(target, most, go_on, lambda ranking: ranking.precision)
+    until_known(target, most, go_on, lambda ranking: ranking.precision)
+    return _ranked({name: experiment.checked() for name, experiment in tried.items()}, target)
 
 
 @contextmanager

@@ -121,7 +121,6 @@ class Experiment:
             for scenario in self._scenarios.values()
         ]
         self._outcomes: Outcomes | None = None
-        self._opinions: dict[str, float] = {}
         self._seconds = 0.0
 
     @property
@@ -144,19 +143,26 @@ class Experiment:
                 progress=progress,
             )
             self._outcomes = more if self._outcomes is None else self._outcomes.joined(more)
-            self._ask_again()
         self._seconds += time.perf_counter() - began
-        assert self._outcomes is not None
-        return Evaluation.from_outcomes(self._scenarios, self._outcomes, self._settings())
+        return self._known({})
 
-    def _ask_again(self) -> None:
-        """What the engines say of their own accuracy."""
+    def checked(self) -> Evaluation:
+        """What is known after the trials so far, with what the engines say of their own accuracy:
+        asked for once, at the end, since it may take trials of its own."""
         assert self._outcomes is not None
-        run_as = self.study.run
+        began, run_as = time.perf_counter(), self.study.run
         how = How(0, run_as.seed, run_as.precision, None, None, False, None, None)
+        said: dict[str, float] = {}
         for k, (direction, scenario) in enumerate(self._scenarios.items()):
             found = self._engines[k].second_opinion(scenario, self._outcomes.of([k]), how)
-            self._opinions |= {f"{direction}_{name}": value for name, value in found.items()}
+            said |= {f"{direction}_{name}": value for name, value in found.items()}
+        self._seconds += time.perf_counter() - began
+        return self._known(said)
+
+    def _known(self, said: dict[str, float]) -> Evaluation:
+        assert self._outcomes is not None
+        attrs = self._settings() | said
+        return Evaluation.from_outcomes(self._scenarios, self._outcomes, attrs)
 
     def _settings(self) -> dict[str, Any]:
         study, missing = self.study, self.study.why_no_eoen
@@ -170,7 +176,6 @@ class Experiment:
             "length_unit": study.units,
             "wall_seconds": self._seconds,
             **({"precision_target": target} if target is not None else {}),
-            **self._opinions,
             **({"no_eoen": missing} if missing else {}),
             **as_attribute(study),
         }
@@ -187,12 +192,13 @@ def evaluate_study(study: Study, *, progress: bool = False) -> Evaluation:
         ValueError: see `evaluate`.
     """
     experiment = Experiment(study)
-    return until_known(
+    until_known(
         study.run.precision_target,
         study.trials,
         lambda trials: experiment.go_on(trials, progress=progress),
         lambda found: precision_of(found.main),
     )
+    return experiment.checked()
 
 
 def evaluate_grid(

@@ -141,11 +141,11 @@ def inspect_spatial(study: SpatialStudy) -> SpatialInspection:
         speed = drive.top_speed(seen.size)
         fall = 2 * seen.size / speed if speed > 0 else math.inf
         step = study.run.dt
-        if step is not None and speed * step > 0.5 * thinnest[1]:
+        what, half = SpatialScenario(hand, body, drive, study.law).thinnest()
+        if step is not None and speed * step > half:
             doubts.append(
                 f"in a step of {step:g} s what falls moves up to {1000 * speed * step:.3g} mm, "
-                f"more than half the {1000 * thinnest[1]:.3g} mm of {thinnest[0]}: leave dt out, "
-                "and it is chosen"
+                f"more than half the {2000 * half:.3g} mm of {what}: leave dt out, and it is chosen"
             )
     return SpatialInspection(
         study, views, size, body.width, fall, tuple(doubts), geoms, thinnest, room

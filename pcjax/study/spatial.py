@@ -202,11 +202,11 @@ class SpatialStudy(Study):
         for name in self.objective.over:
             if name in free:
                 raise ValueError(f"{name} is free, and the objective has values of it, too")
-        return posture_space(self.hand, free, self.body)
+        return replace(posture_space(self.hand, free, self.body), dt=self.run.dt)
 
     def map_space(self, free: Sequence[Any]) -> PostureSpace:
         """The hands of a map over some of its parameters, or this one."""
-        return PostureSpace(self.hand, tuple(free), self.body)
+        return PostureSpace(self.hand, tuple(free), self.body, dt=self.run.dt)
 
     def designed(self, space: Space, design: Design) -> Study:
         """This study with a space's hand, and its object where that is looked for, too."""
@@ -336,7 +336,8 @@ class SpatialReader(Reader):
             raise ValueError("[hand] needs either a file or a preset")
         preset = self.word("hand", "preset", tuple(PRESETS), None)
         file = PRESETS[preset] if preset else self.path(self.text("hand", "file"))
-        start = self.sound("start", lambda: StartBox(**self.named("start", StartBox)))
+        where = self.named("start", StartBox)
+        start = self.sound("start", lambda: StartBox(**where))
         kind = self.word("escape", "kind", ESCAPES.kinds(), "hull")
         escape: Escape = self.component("escape", ESCAPES, "kind", kind, {})
         chosen: dict[str, Any] = {

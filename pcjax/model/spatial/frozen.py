@@ -175,17 +175,18 @@ def posed(hand: SpatialHand) -> Posed:
 def _freeze(hand: SpatialHand) -> FrozenHand:
     mj, there = mujoco(), posed(hand)
     model, data = there.model, there.data
-    chosen = [
-        k
-        for k in range(model.ngeom)
-        if there.below[model.geom_bodyid[k]]
-        and there.collides(k)
-        and set(hand.exclude).isdisjoint(there.parts_of(k))
+    collide = [
+        k for k in range(model.ngeom) if there.below[model.geom_bodyid[k]] and there.collides(k)
     ]
+    chosen = [k for k in collide if set(hand.exclude).isdisjoint(there.parts_of(k))]
     if not chosen:
+        why = (
+            f"is left: exclude takes out all {len(collide)} that collide"
+            if collide
+            else "collides (contype and conaffinity are 0)"
+        )
         raise ValueError(
-            f"no geom of {hand.root or 'the hand'} in {hand.file} collides (contype and "
-            "conaffinity are 0): nothing can hold an object"
+            f"no geom of {hand.root or 'the hand'} in {hand.file} {why}: nothing can hold an object"
         )
     geoms = tuple(
         Geom(
@@ -219,6 +220,8 @@ def _scaled(hand: SpatialHand) -> Any:
             geom.alt.type = mujoco().mjtOrientation.mjORIENTATION_QUAT
         for part in (*body.bodies, *body.joints):
             part.pos = np.asarray(part.pos) * factor
+    # Masses do not count here, and MuJoCo refuses those of small links.
+    spec.compiler.boundmass = spec.compiler.boundinertia = 1e-12
     return spec.compile()
 
 

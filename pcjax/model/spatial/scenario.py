@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
-import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -88,6 +87,14 @@ class SpatialScenario(Scenario):
         if not self.mirrored:
             return given
         return given.mirrored(self.hand.fingertips, *self.hand.escape.opening)
+
+    def thinnest(self) -> tuple[str, float]:
+        """What is thinnest of all that may run against each other, the hand's geoms and the object,
+        and half of its thickness, m."""
+        geom, own = self.seen().thinnest, self.body.solid().half_thickness
+        if own < geom.solid.half_thickness:
+            return "the object", own
+        return geom.name, geom.solid.half_thickness
 
     def pull(self, angles: Float[np.ndarray, "trials 2"]) -> Float[np.ndarray, "trials 3"]:
         """Gravity for angles T1 and T2, as the object feels it, m / s^2."""
@@ -173,12 +180,6 @@ class SpatialScenario(Scenario):
             "object_width": self.body.width,
             "hand_digest": self.hand.digest,
         }
-
-    @property
-    def key(self) -> tuple[Any, ...]:
-        """What says which scenario it is, for plain numbers."""
-        leaves, structure = jax.tree.flatten(self)
-        return (structure, *map(float, leaves))
 
 
 def check_spatial(hand: Any, body: Any, drive: Any, law: Any) -> None:

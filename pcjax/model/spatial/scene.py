@@ -54,6 +54,8 @@ class Scene:
         spec.option.timestep = dt
         spec.option.gravity = [0, 0, 0]
         spec.option.cone = mj.mjtCone.mjCONE_ELLIPTIC
+        # Else MuJoCo refuses specks, which are to be refused in our words.
+        spec.compiler.boundmass = spec.compiler.boundinertia = 1e-12
         for geom in hand.geoms:
             _add(
                 mj, spec, spec.worldbody, geom.solid,

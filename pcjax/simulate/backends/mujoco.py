@@ -23,8 +23,7 @@ from jaxtyping import Float, Integer
 from pcjax.components import quantity
 from pcjax.importing import mujoco
 from pcjax.model.scenario import Scenario
-from pcjax.model.spatial.frozen import frozen
-from pcjax.model.spatial.scenario import SpatialScenario
+from pcjax.model.spatial.scenario import MisfitError, SpatialScenario
 from pcjax.physics.state import INVALID, PAPER_DT, PASSED, RUNNING
 from pcjax.progress import progress_bar
 from pcjax.simulate.backends.crossing import Crossings, lengths
@@ -72,10 +71,10 @@ class MuJoCo(Engine):
     @classmethod
     def suited(cls, scenarios: Sequence[Scenario]) -> MuJoCo:
         """With the longest step in which nothing falls by more than half the thickness of what it
-        may fall on.
+        may fall on, nor by half of its own.
 
         Raises:
-            ValueError: a geom is too thin for any step.
+            MisfitError: a geom or the object is too thin for any step.
         """
         return cls(min(map(_step_for, scenarios)))
 
@@ -133,17 +132,16 @@ class MuJoCo(Engine):
 
 def _step_for(scenario: Scenario) -> float:
     assert isinstance(scenario, SpatialScenario)
-    seen = frozen(scenario.hand)
-    speed = scenario.drive.top_speed(seen.size)
-    thin = seen.thinnest
-    half = thin.solid.half_thickness
+    speed = scenario.drive.top_speed(scenario.seen().size)
+    thin, half = scenario.thinnest()
     for dt in _STEPS:
         if speed * dt <= half:
             return dt
-    raise ValueError(
-        f"{thin.name} is {2000 * half:.3g} mm thick, and what falls through the hand moves "
-        f"{1000 * speed * _STEPS[-1]:.3g} mm in the shortest step: it would not be seen to hit it; "
-        "make it thicker, or exclude it"
+    raise MisfitError(
+        "too thin for the shortest step",
+        f"{thin} is {2000 * half:.3g} mm thick, and what falls through the hand moves "
+        f"{1000 * speed * _STEPS[-1]:.3g} mm in the shortest step, so it may pass unseen: make it "
+        "thicker, exclude it if it is of the hand, or ask for a smaller dt",
     )
 
 

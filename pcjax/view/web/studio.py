@@ -224,6 +224,8 @@ class Studio:
                 experiment = await asyncio.to_thread(experiment_of, study)
                 for trials in looks:
                     found = await asyncio.to_thread(experiment.go_on, trials)
+                    if trials == self.at_rest[-1]:
+                        found = await asyncio.to_thread(experiment.checked)
                     against = await self._against(found, trials)
                     # A first look is shown even if the design has moved on: the next is on its way.
                     if self.closed or self.problem:
