@@ -57,8 +57,8 @@ ANGLES = tuple(range(0, 81, 5))
 
 FALLING = Reading("gravity 98", RUBBING.gravity, 0.0, True)
 ROLLING = Reading("rolling", RUBBING.gravity, RUBBING.friction, True)
-READINGS = {reading.name: reading for reading in (LITERAL, FALLING, ROLLING, RUBBING)}
-COLOURS = dict(zip(READINGS, ("#0072b2", "#e69f00", "#999999", "#d55e00"), strict=True))
+READINGS = {reading.name: reading for reading in (LITERAL, FALLING, RUBBING, ROLLING)}
+COLOURS = dict(zip(READINGS, ("#0072b2", "#e69f00", "#d55e00", "#888888"), strict=True))
 
 PLACES = ("wedge", "lid corner", "palm corner", "other rest", "sliding behind", "moving", "start")
 """Where an object is when a period begins. At rest: behind a fingertip, touching its back; where
@@ -442,9 +442,9 @@ def draw(rows: Sequence[Row]) -> Figure:
                 band(rest, angle, share, 1.96 * se, colour, style)
         shift_arrow(corner, rows, gap_width)
         rest.set_xlabel(r"$\theta_g$ [deg]")
-        for axis in panels[:, k]:
-            axis.grid(alpha=0.3)
-            axis.set_ylim(0, None)
+    for axis in panels.ravel():
+        axis.grid(alpha=0.3)
+        axis.set_ylim(0, None)
     top, ways, corner, rest = panels[:, 0]
     top.set_ylabel("index 1 [thousand steps]")
     ways.set_ylabel("escapes per period")
@@ -494,7 +494,7 @@ def shift_arrow(axis: Axes, rows: Sequence[Row], gap_width: float) -> None:
 
 def draw_paths() -> Figure:
     """Objects that start at rest in the lid's corner, without friction and with it."""
-    figure = Figure(figsize=(11, 6.6), layout="constrained")
+    figure = Figure(figsize=(11, 5.8), layout="constrained")
     panels = figure.subplots(2, 2, sharex=True, sharey=True)
     cases = ((FALLING, 40.0), (RUBBING, 40.0), (FALLING, 60.0), (RUBBING, 60.0))
     for axis, (reading, angle) in zip(panels.ravel(), cases, strict=True):
