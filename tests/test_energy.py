@@ -91,6 +91,13 @@ def test_what_is_wider_than_the_gap_never_gets_out_and_what_fits_exactly_does() 
     assert climb(found, 0) == pytest.approx(475.0)
 
 
+@pytest.mark.parametrize("tilts", [5, 12])
+def test_what_opens_upside_down_alone_is_found_with_an_odd_number_of_tilts(tilts: int) -> None:
+    """For entering, a box hand lets go upside down: its lids are level then."""
+    found = pcjax.energy(pcjax.box_hand(0.5), CIRCLE, direction="eoen", tilts=tilts)
+    np.testing.assert_allclose(found.lets_go, (-math.pi, math.pi), atol=1e-3)
+
+
 @pytest.mark.parametrize("kind", ["does", "eoen"])
 def test_symmetric_hands_have_symmetric_climbs(kind: str) -> None:
     """10 random ones of three limbs a finger, each against its own other side."""
