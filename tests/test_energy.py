@@ -91,6 +91,13 @@ def test_what_is_wider_than_the_gap_never_gets_out_and_what_fits_exactly_does() 
     assert climb(found, 0) == pytest.approx(475.0)
 
 
+@pytest.mark.parametrize("tilts", [5, 12])
+def test_what_opens_upside_down_alone_is_found_with_an_odd_number_of_tilts(tilts: int) -> None:
+    """For entering, a box hand lets go upside down: its lids are level then."""
+    found = pcjax.energy(pcjax.box_hand(0.5), CIRCLE, direction="eoen", tilts=tilts)
+    np.testing.assert_allclose(found.lets_go, (-math.pi, math.pi), atol=1e-3)
+
+
 @pytest.mark.parametrize("kind", ["does", "eoen"])
 def test_symmetric_hands_have_symmetric_climbs(kind: str) -> None:
     """10 random ones of three limbs a finger, each against its own other side."""
@@ -126,6 +133,19 @@ def test_other_bodies_get_lower_bounds() -> None:
     assert climb(found, 90) == pytest.approx(250 - turns - (100 - 20), abs=0.01)
     stick = pcjax.energy(pcjax.box_hand(0.0), pcjax.Stick(50.0))
     assert climb(stick, 90) == pytest.approx(250 - 50 - 100, abs=0.02)
+
+
+def test_pockets_that_reach_beyond_the_ends_of_the_goal_line_are_no_way_out() -> None:
+    """Lids at y = 500 with posts at x = +-100, whose lower part from y = 400 to 340 is the tip: the
+    goal line goes from post to post at y = 400, and its extension through the pockets behind."""
+    right = math.pi / 2
+    finger = (500.0, 150.0, 100.0, 60.0), (right, right, right, 0.0)
+    hand = pcjax.HandDesign(500.0, (finger[0],) * 2, (finger[1],) * 2)
+    found = pcjax.energy(hand, pcjax.Circle(20.0), tilts=12)
+    close = found.landscape.tolerance
+    assert climb(found, 0) == pytest.approx(400 - 20, abs=close)
+    # Upside down from below the lid to below the tip's end.
+    assert climb(found, 180) == pytest.approx((500 - 20) - (340 - 20), abs=close)
 
 
 def test_where_the_ends_of_the_palm_are_apart_the_easier_one_counts() -> None:

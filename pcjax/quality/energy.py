@@ -179,7 +179,8 @@ def energy(
     Arguments:
         hand, body, drive, start_spread: as for `pcjax.evaluate`.
         direction: "does" or "eoen".
-        tilts: of how many directions of gravity, evenly spread.
+        tilts: of how many directions of gravity, evenly spread. Between these the mean is taken to
+            be linear, and a tilt that opens the hand is looked for between those that do and not.
 
     Raises:
         ValueError: what `pcjax.evaluate` refuses of a hand, a number of tilts out of range, a drive
@@ -218,8 +219,9 @@ def energy_of(scenario: Scenario, tilts: int = TILTS) -> EscapeEnergy:
         def is_open(tilt: float) -> bool:
             return climb(landscape.climb(_direction(tilt))) <= 0
 
-        step = 2 * math.pi / tilts
-        return _first(is_open, -step, tilts // 2), _first(is_open, step, tilts // 2)
+        count = math.ceil(tilts / 2)  # so that the last one is upside down
+        step = math.pi / count
+        return _first(is_open, -step, count), _first(is_open, step, count)
 
     return EscapeEnergy(
         scenario,

@@ -212,8 +212,10 @@ def landscape_of(hand: HandDesign, inner: float, outer: float, starts: Points) -
         sides = tuple(
             (placed(start[None]), reached[part]) for start, part in zip(starts, around, strict=True)
         )
-    past = hand.goal().beyond(Vec(points[:, 0], points[:, 1]))
-    exits = np.flatnonzero(np.abs(past) < 1e-8 * hand.palm_length)
+    goal, at = hand.goal(), Vec(points[:, 0], points[:, 1])
+    # A corner in a pocket may be in line with the goal line, beside its ends.
+    past, between = np.asarray(goal.beyond(at)), np.asarray(goal.between(at))
+    exits = np.flatnonzero((np.abs(past) < 1e-8 * hand.palm_length) & between)
     exits = exits if len(exits) > 1 else exits[:0]  # a point that touches the line is no way out
     outlines = tuple(shapely.get_coordinates(part) for part in dict.fromkeys(inside))
     return Landscape(
