@@ -87,9 +87,7 @@ class Player:
         """Plays, or stops."""
         if self._recording is None and not await self._load():
             return
-        recording = self._recording
-        if self._now >= recording.seconds:
-            self._time.value = 0.0
+        self._rewind()
         self._timer.active, self._last = not self._timer.active, time.perf_counter()
         self._label()
 
@@ -105,6 +103,11 @@ class Player:
         """To where a film begins: its end is what is worth a look."""
         self._time.props["max"] = self._recording.seconds
         self._time.value = max(self._recording.seconds - _LAST, 0.0)
+
+    def _rewind(self) -> None:
+        """From the film's end to its beginning."""
+        if self._now >= self._recording.seconds:
+            self._time.value = 0.0
 
     def _advance(self) -> None:
         """On by as much as time has passed, to the film's end at most."""
