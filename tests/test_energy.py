@@ -128,6 +128,19 @@ def test_other_bodies_get_lower_bounds() -> None:
     assert climb(stick, 90) == pytest.approx(250 - 50 - 100, abs=0.02)
 
 
+def test_pockets_that_reach_beyond_the_ends_of_the_goal_line_are_no_way_out() -> None:
+    """Lids at y = 500 with posts at x = +-100, whose lower part from y = 400 to 340 is the tip: the
+    goal line goes from post to post at y = 400, and its extension through the pockets behind."""
+    right = math.pi / 2
+    finger = (500.0, 150.0, 100.0, 60.0), (right, right, right, 0.0)
+    hand = pcjax.HandDesign(500.0, (finger[0],) * 2, (finger[1],) * 2)
+    found = pcjax.energy(hand, pcjax.Circle(20.0), tilts=12)
+    close = found.landscape.tolerance
+    assert climb(found, 0) == pytest.approx(400 - 20, abs=close)
+    # Upside down from below the lid to below the tip's end.
+    assert climb(found, 180) == pytest.approx((500 - 20) - (340 - 20), abs=close)
+
+
 def test_where_the_ends_of_the_palm_are_apart_the_easier_one_counts() -> None:
     """Finger 2's tip hangs down to 40 above the palm: nothing gets out of what is behind it."""
     right = math.pi / 2

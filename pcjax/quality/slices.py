@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from pcjax.geometry import Vec
 from pcjax.importing import Later
@@ -225,50 +225,49 @@ class _Net:
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 
-        count = len(self.points) + len(self.joints)
+        own, count = len(self.points), len(self.points) + len(self.joints)
         a, b = np.concatenate(self.edges).T
-        labels = connected_components(coo_array((np.ones(len(a)), (a, b)), (count, count)))[1]
+        graph = coo_array((np.ones(len(a)), (a, b)), (count, count))
+        labels = connected_components(graph)[1][:own]
+        turned = angles[self.slice]
 
         def placed(at: Points) -> Places:
             there = [self.within(at, k) for k in range(self.count) if len(self.trees[k])]
             return Places(at, np.full(len(at), angles[0]), np.concatenate(there, axis=1))
 
-        begun = placed(starts)
-        groups = labels[begun.corners[:, 0]] if around is None else _around(starts, around)
-        reached = {}
-        for group in set(groups.tolist()):
-            if around is None:
-                own = np.flatnonzero(labels[: len(self.points)] == group)
-                reached[group] = Places(self.points[own], angles[self.slice[own]], own[:, None])
-            else:
-                reached[group] = placed(shapely.get_coordinates(around[group])[:-1])
-        if len(reached) == 1:
-            sides = ((begun, reached[groups[0]]),)
-        else:
-            sides = tuple(
-                (placed(start[None]), reached[group])
-                for start, group in zip(starts, groups.tolist(), strict=True)
-            )
-        joined = np.isin(labels, labels[begun.corners[:, 0]])
-        past = hand.goal().beyond(Vec(self.points[:, 0], self.points[:, 1]))
-        on = joined[: len(self.points)] & (np.abs(past) < 1e-8 * hand.palm_length)
-        # What touches the line in a point has no way out there.
-        edges = self.triangles[on[self.triangles].sum(axis=1) > 1]
-        nexts = np.append(angles[1:], angles[0] + period)
-        between = (angles + nexts)[self.after] / 2
+        def reached(group: int) -> Places:
+            if around is not None:
+                return placed(shapely.get_coordinates(around[group])[:-1])
+            mine = np.flatnonzero(labels == group)
+            return Places(self.points[mine], turned[mine], mine[:, None])
+
+        begun = labels[placed(starts).corners[:, 0]]
+        groups = (begun if around is None else _around(starts, around)).tolist()
+        each = [starts] if len(set(groups)) == 1 else [start[None] for start in starts]
+        joined = np.isin(labels, begun)
+        after = np.append(angles[1:], angles[0] + period)
         return Landscape(
             np.concatenate([self.points, self.joints]),
-            np.concatenate([angles[self.slice], between]),
+            np.concatenate([turned, (angles + after)[self.after] / 2]),
             _neighbours(a, b, count),
-            np.unique(edges[on[edges]]),
-            tuple(
-                shapely.get_coordinates(self.parts[part])
-                for part in np.unique(self.part[joined[: len(self.points)]])
-            ),
-            sides,
+            self._exits(hand, joined),
+            tuple(shapely.get_coordinates(self.parts[k]) for k in np.unique(self.part[joined])),
+            tuple((placed(at), reached(group)) for at, group in zip(each, groups, strict=False)),
             period,
             tolerance,
         )
+
+    def _exits(
+        self, hand: HandDesign, joined: Bool[np.ndarray, " corners"]
+    ) -> Int[np.ndarray, " exits"]:
+        """Which of some corners are on the goal line."""
+        goal, at = hand.goal(), Vec(self.points[:, 0], self.points[:, 1])
+        # A corner in a pocket may be in line with the goal line, beside its ends.
+        past, between = np.asarray(goal.beyond(at)), np.asarray(goal.between(at))
+        on = joined & between & (np.abs(past) < 1e-8 * hand.palm_length)
+        # What touches the line in a point has no way out there.
+        sides = self.triangles[on[self.triangles].sum(axis=1) > 1]
+        return np.unique(sides[on[sides]])
 
 
 def _neighbours(
