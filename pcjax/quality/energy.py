@@ -194,8 +194,8 @@ def energy(
     reach from its starts do not count. For a circle climbs are exact, and for what does not turn.
     For another body there are two bounds. Upper ones are along ways found through many
     orientations: it surely can take each, and with more of them they come down to its own. Lower
-    ones, `at_least`, are along the ways of the circle about its centre that is within it, from
-    where it has room to turn.
+    ones, `at_least`, are along the ways of the circle about its centre that is within it. It is
+    looked at where it lies in these orientations.
 
     Energies know nothing of speed, friction or how a hand moves, nor of chance.
 
@@ -224,7 +224,7 @@ def energy(
 
         >>> found = pcjax.energy(pcjax.box_hand(0.0), pcjax.Stick(50.0), tilts=4)
         >>> print(f"{found.at_least.at(0.0).from_rest:.0f} to {found.at(0.0).from_rest:.0f}")
-        450 to 500
+        500 to 500
     """
     if direction not in DIRECTIONS:
         raise ValueError(f"direction is {direction!r}: it has to be one of {', '.join(DIRECTIONS)}")
@@ -279,8 +279,8 @@ def energy_of(
 
     if not _turns(scenario.body):
         return found("exact", landscape_for(scenario))
-    less = found("at least", _landscape_inside(scenario))
-    return found("at most", landscape_for(scenario, orientations), less)
+    landscape = landscape_for(scenario, orientations)
+    return found("at most", landscape, found("at least", _landscape_inside(scenario, landscape)))
 
 
 def landscape_for(scenario: Scenario, orientations: int = ORIENTATIONS) -> Landscape:
@@ -313,15 +313,13 @@ def _turns(body: Body) -> bool:
     return body.turns and len(body.outline()[0]) > 1
 
 
-def _landscape_inside(scenario: Scenario) -> Landscape:
-    """That of the circle inside the object, which lies where the object has room to turn: the
-    object's own ways are no lower, and it can surely lie there."""
-    body, half = scenario.body, 0.5 * float(scenario.hand.thickness)
-    outer = float(body.radius)
+def _landscape_inside(scenario: Scenario, around: Landscape) -> Landscape:
+    """That of the circle inside the object, whose ways out are no higher than the object's own; it
+    lies where the object can."""
     # What has no thickness is held off limbs all the same.
-    inner = max(body.inner_radius(), SKIN * outer)
-    shape = Shape(POINT, inner + half)
-    return landscape_of(scenario.hand, shape, _starts(scenario), room=outer + half)
+    inner = max(scenario.body.inner_radius(), SKIN * float(scenario.body.radius))
+    shape = Shape(POINT, inner + 0.5 * float(scenario.hand.thickness))
+    return landscape_of(scenario.hand, shape, _starts(scenario), around=around)
 
 
 def _starts(scenario: Scenario) -> Points:

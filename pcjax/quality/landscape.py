@@ -188,6 +188,43 @@ def pool_of(landscape: Landscape, climb: Climb, direction: Point) -> tuple[Outli
     return shapely.get_coordinates(pool), np.array(way)
 
 
+def short_way(
+    landscape: Landscape, climb: Climb, direction: Point, radius: float
+) -> tuple[Points, Float[np.ndarray, " points"]]:
+    """The shortest way out along edges from the place of rest, no higher than the saddle, and the
+    object's angles on it.
+
+    Arguments:
+        landscape: a free space.
+        climb: a way out of it.
+        direction: of gravity.
+        radius: how long a turn by a radian is.
+    """
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import dijkstra
+
+    points, angles, period = landscape.points, landscape.angles, landscape.period
+    a = np.repeat(np.arange(len(points)), [len(others) for others in landscape.near])
+    b = np.concatenate([np.array(others, int) for others in landscape.near])
+    heights = -(points @ direction)
+    top = np.max(-(climb.way @ direction)) + 1e-9 * np.ptp(points)
+    low = (heights[a] <= top) & (heights[b] <= top)
+    a, b = a[low], b[low]
+    turn = np.abs((angles[b] - angles[a] + period / 2) % period - period / 2)
+    # Links in place have no length where nothing is turned, but are edges all the same.
+    length = np.hypot(*(points[b] - points[a]).T) + radius * turn + 1e-12 * np.ptp(points)
+    graph = csr_array((length, (a, b)), (len(points),) * 2)
+    begin = np.argmin(
+        np.hypot(*(points - climb.rest).T) + np.where(angles == climb.rest_angle, 0, np.inf)
+    )
+    far, before = dijkstra(graph, indices=begin, return_predecessors=True)
+    way = [int(landscape.exits[np.argmin(far[landscape.exits])])]
+    while way[-1] != begin:
+        way.append(int(before[way[-1]]))
+    way.reverse()
+    return points[way], np.unwrap(angles[way], period=period)
+
+
 def polygons_of(shape: Any) -> list[Any]:
     """The polygons of what may have other parts."""
     return [part for part in shapely.get_parts(shape).tolist() if part.geom_type == "Polygon"]

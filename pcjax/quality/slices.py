@@ -111,7 +111,11 @@ POINT = np.zeros((1, 2))
 
 
 def landscape_of(
-    hand: HandDesign, shape: Shape, starts: Points, angle: float = 0.0, room: float | None = None
+    hand: HandDesign,
+    shape: Shape,
+    starts: Points,
+    angle: float = 0.0,
+    around: Landscape | None = None,
 ) -> Landscape:
     """The free space of an object that does not turn, for plain numbers in 64 bits.
 
@@ -120,8 +124,8 @@ def landscape_of(
         shape: of the object.
         starts: the middles of its starts.
         angle: at which it is, radians.
-        room: it lies only where its centre is that far from all limbs' middle lines; unless given,
-            wherever it can be.
+        around: of what it is within: it lies only where that can be; unless given, wherever it can
+            be itself.
 
     Raises:
         ValueError: shapely is missing.
@@ -133,7 +137,6 @@ def landscape_of(
     # GEOS makes an arc of the nearest whole number of chords, so that one may be half longer.
     chord = math.pi / 2 / ARC * (1.0 if len(shape.core) == 1 else 1.5)
     tolerance = shape.radius * (1 - math.cos(chord / 2))
-    around = None if room is None else _free_space(hand, POINT[None], room)[0]
     return net.landscape(hand, held, starts, 2 * math.pi, tolerance, around)
 
 
@@ -169,7 +172,7 @@ def slices_of(hand: HandDesign, shape: Shape, starts: Points, count: int) -> Lan
         np.concatenate([corners, *([start] * len(every) for start in starts)]),
         np.concatenate([which[part], *([every] * len(starts))]),
     )
-    return net.landscape(hand, angles, starts, period, 1e-9 * hand.palm_length)
+    return net.landscape(hand, angles, starts, period, 1e-9 * float(hand.palm_length))
 
 
 class _Net:
@@ -219,9 +222,9 @@ class _Net:
         starts: Points,
         period: float,
         tolerance: float,
-        around: Any = None,
+        around: Landscape | None = None,
     ) -> Landscape:
-        """What hangs together with the starts; it lies in the polygons around them, if given."""
+        """What hangs together with the starts; the object lies where that around it can, if any."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 
@@ -235,15 +238,14 @@ class _Net:
             there = [self.within(at, k) for k in range(self.count) if len(self.trees[k])]
             return Places(at, np.full(len(at), angles[0]), np.concatenate(there, axis=1))
 
-        def reached(group: int) -> Places:
-            if around is not None:
-                return placed(shapely.get_coordinates(around[group])[:-1])
-            mine = np.flatnonzero(labels == group)
-            return Places(self.points[mine], turned[mine], mine[:, None])
-
         begun = labels[placed(starts).corners[:, 0]]
-        groups = (begun if around is None else _around(starts, around)).tolist()
-        each = [starts] if len(set(groups)) == 1 else [start[None] for start in starts]
+        sides = []
+        for group in dict.fromkeys(begun.tolist()):
+            mine = np.flatnonzero(labels == group)
+            places = Places(self.points[mine], turned[mine], mine[:, None])
+            sides.append((placed(starts[begun == group]), places))
+        if around is not None:
+            sides = [(placed(start.at), placed(places.at)) for start, places in around.sides]
         joined = np.isin(labels, begun)
         after = np.append(angles[1:], angles[0] + period)
         return Landscape(
@@ -252,7 +254,7 @@ class _Net:
             _neighbours(a, b, count),
             self._exits(hand, joined),
             tuple(shapely.get_coordinates(self.parts[k]) for k in np.unique(self.part[joined])),
-            tuple((placed(at), reached(group)) for at, group in zip(each, groups, strict=False)),
+            tuple(sides),
             period,
             tolerance,
         )
@@ -292,7 +294,8 @@ def _free_space(
     taken = shapely.convex_hull(shapely.linestrings(sums.reshape(len(cores), len(limbs), -1, 2)))
     if radius > 0:
         taken = shapely.buffer(taken, radius * (1 - _TOUCH), quad_segs=ARC)
-    left = shapely.difference(region, shapely.union_all(taken, axis=1))
+    union: Any = shapely.union_all
+    left = shapely.difference(region, union(taken, axis=1))
     parts, which = shapely.get_parts(left, return_index=True)
     polygons = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
     return parts[polygons], which[polygons]
@@ -300,11 +303,6 @@ def _free_space(
 
 def _points(corners: Sequence[Vec]) -> Points:
     return np.array([[corner.x, corner.y] for corner in corners], float)
-
-
-def _around(starts: Points, parts: Any) -> Int[np.ndarray, " starts"]:
-    """Which polygon each start is in."""
-    return np.asarray(shapely.STRtree(parts).nearest(shapely.points(starts)))
 
 
 def _check_shapely() -> None:
