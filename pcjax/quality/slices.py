@@ -42,7 +42,7 @@ _TOUCH = 1e-9
 """By what share of itself the radius is taken smaller, so that what fits exactly does."""
 
 Angles = Float[np.ndarray, " angles"]
-Cores = Float[np.ndarray, "angles _ 2"]
+Pieces = Float[np.ndarray, "angles pieces corners 2"]
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,25 @@ class Shape:
         turns = np.concatenate([np.arange(each) / each, flat, flat + self.order / 2])
         return period * np.unique(np.round(turns % 1.0, 12) % 1.0)
 
+    def swept(self, angles: Angles, period: float) -> Pieces:
+        """What its core is in as it turns in place from each angle to the next, in convex pieces.
+
+        What is farthest out in any direction is that at either end, or a corner between them: the
+        arc of each corner is in a kite of the centre, both ends, and where tangents there meet.
+        """
+        half = np.diff(angles, append=angles[0] + period) / 2
+        one, other = self.turned(angles), self.turned(angles + 2 * half)
+        out = self.turned(angles + half) / np.cos(half)[:, None, None]
+        kites = np.stack([np.zeros_like(one), one, out, other], axis=2)
+        ends = np.stack([one, other], axis=1)
+        most = max(ends.shape[2], 4)
+
+        def filled(pieces: Pieces) -> Pieces:
+            lacking = (0, 0), (0, 0), (0, most - pieces.shape[2]), (0, 0)
+            return np.pad(pieces, lacking, mode="edge")
+
+        return np.concatenate([filled(ends), filled(kites)], axis=1)
+
     def rim(self, count: int) -> Outline:
         """Corners of a polygon about the circle by which it is rounded. With so many angles they
         are about as far out of it as turning sweeps corners of the object beyond a chord; twice as
@@ -133,7 +152,7 @@ def landscape_of(
     _check_shapely()
     hand = jax.tree.map(float, hand)
     held = np.array([angle])
-    net = _Net(*_free_space(hand, shape.turned(held), shape.radius), 1)
+    net = _Net(*_free_space(hand, shape.turned(held)[:, None], shape.radius), 1)
     # GEOS makes an arc of the nearest whole number of chords, so that one may be half longer.
     chord = math.pi / 2 / ARC * (1.0 if len(shape.core) == 1 else 1.5)
     tolerance = shape.radius * (1 - math.cos(chord / 2))
@@ -157,15 +176,11 @@ def slices_of(hand: HandDesign, shape: Shape, starts: Points, count: int) -> Lan
     hand = jax.tree.map(float, hand)
     period, angles, rim = 2 * math.pi / shape.order, shape.angles(hand, count), shape.rim(count)
 
-    def rounded(cores: Cores) -> Cores:
-        return (cores[:, :, None] + rim).reshape(len(cores), -1, 2)
+    def rounded(pieces: Pieces) -> Pieces:
+        return (pieces[:, :, :, None] + rim).reshape(*pieces.shape[:2], -1, 2)
 
-    net = _Net(*_free_space(hand, rounded(shape.turned(angles))), len(angles))
-    half = np.diff(angles, append=angles[0] + period) / 2
-    # Tangents to a corner's arc meet at its middle that much farther out.
-    between = shape.turned(angles + half) / np.cos(half)[:, None, None]
-    swept = [shape.turned(angles), between, shape.turned(angles + 2 * half)]
-    parts, which = _free_space(hand, rounded(np.concatenate(swept, axis=1)))
+    net = _Net(*_free_space(hand, rounded(shape.turned(angles)[:, None])), len(angles))
+    parts, which = _free_space(hand, rounded(shape.swept(angles, period)))
     corners, part = shapely.get_coordinates(parts, return_index=True)
     every = np.arange(len(angles))
     net.link(
@@ -283,15 +298,17 @@ def _neighbours(
 
 
 def _free_space(
-    hand: HandDesign, cores: Cores, radius: float = 0.0
+    hand: HandDesign, pieces: Pieces, radius: float = 0.0
 ) -> tuple[Any, Int[np.ndarray, " parts"]]:
-    """The polygons in which a centre can be, for each of some shapes, and whose each is."""
+    """The polygons in which a centre can be, and at which angle each is, for what has convex
+    pieces there, rounded by a radius."""
     region: Any = shapely.Polygon(_points(hand.region()))
     if not region.is_valid:  # limbs that touch
         region = shapely.make_valid(region)
     limbs = np.stack([_points([limb.start, limb.end]) for limb in hand.limbs()])
-    sums = limbs[:, :, None] - cores[:, None, None]
-    taken = shapely.convex_hull(shapely.linestrings(sums.reshape(len(cores), len(limbs), -1, 2)))
+    sums = limbs[:, :, None] - pieces[:, :, None, None]
+    lines = shapely.linestrings(sums.reshape(len(pieces), -1, 2 * pieces.shape[2], 2))
+    taken = shapely.convex_hull(lines)
     if radius > 0:
         taken = shapely.buffer(taken, radius * (1 - _TOUCH), quad_segs=ARC)
     union: Any = shapely.union_all
