@@ -280,7 +280,7 @@ def energy_of(
     if not _turns(scenario.body):
         return found("exact", landscape_for(scenario))
     landscape = landscape_for(scenario, orientations)
-    return found("at most", landscape, found("at least", _landscape_inside(scenario, landscape)))
+    return found("at most", landscape, found("at least", landscape_inside(scenario, landscape)))
 
 
 def landscape_for(scenario: Scenario, orientations: int = ORIENTATIONS) -> Landscape:
@@ -313,7 +313,7 @@ def _turns(body: Body) -> bool:
     return body.turns and len(body.outline()[0]) > 1
 
 
-def _landscape_inside(scenario: Scenario, around: Landscape) -> Landscape:
+def landscape_inside(scenario: Scenario, around: Landscape) -> Landscape:
     """That of the circle inside the object, whose ways out are no higher than the object's own; it
     lies where the object can."""
     # What has no thickness is held off limbs all the same.

@@ -42,7 +42,7 @@ _TOUCH = 1e-9
 """By what share of itself the radius is taken smaller, so that what fits exactly does."""
 
 Angles = Float[np.ndarray, " angles"]
-Pieces = Float[np.ndarray, "angles pieces corners 2"]
+Pieces = Float[np.ndarray, "angles _ _ 2"]
 
 
 @dataclass(frozen=True)
