@@ -60,7 +60,8 @@ class EscapeEnergy(Shown):
             most" or "at least".
         tilts: from above -pi up to pi, radians.
         from_rest: the climb from the place of which it is most, a length: what the object needs
-            from wherever it lies. Infinite in a full cage.
+            from wherever it lies. Infinite in a full cage, and as an upper bound where no way out
+            was found.
         from_start: the climb from the middle of a start, the lesser of both: what it needs at
             least.
         opens: the smallest tilts, radians, towards finger 1 (negative) and finger 2, at which it
@@ -90,6 +91,11 @@ class EscapeEnergy(Shown):
     def exact(self) -> bool:
         """Whether climbs are the object's own, to the landscape's tolerance."""
         return self.bound == "exact"
+
+    @property
+    def full_cage(self) -> bool:
+        """Whether nothing gets out, for sure: not only that no way was found."""
+        return bool(np.isinf((self.at_least or self).from_rest).all())
 
     def at(self, tilt: float) -> Climb:
         """The way out at a tilt, radians."""
@@ -158,7 +164,7 @@ class EscapeEnergy(Shown):
         told = {
             "exact": self.exact,
             "bound": self.bound,
-            "full_cage": bool(np.isinf(self.from_rest).all()),
+            "full_cage": self.full_cage,
             "tilts_deg": [_plain(tilt) for tilt in tilts],
             "begins": [_plain(part) for part in self.begins],
             "begins_tilt_deg": _plain(math.degrees(self.begins_at)),

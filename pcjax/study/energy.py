@@ -56,8 +56,10 @@ def energy_table(found: Mapping[str, EscapeEnergy], units: str) -> str:
             "at most: along ways that the object can take, as found; at least: along those of the "
             f"circle inside it, of radius {first.scenario.body.inner_radius():.4g}"
         )
-    caged = [NAMES[d] for d, one in found.items() if np.isinf(one.from_rest).all()]
-    if caged:
-        notes.append(f"{' and '.join(caged)}: a full cage, nothing gets out")
+    for said, caged in (("a full cage, nothing gets out", True), ("no way out was found", False)):
+        shut = [NAMES[d] for d, one in found.items() if np.isinf(one.from_rest).all()
+                and one.full_cage == caged]  # fmt: skip
+        if shut:
+            notes.append(f"{' and '.join(shut)}: {said}")
     tables = [line for direction, one in found.items() for line in one.lines(NAMES[direction])]
     return "\n".join([*tables, *map(wrapped, notes)])

@@ -106,7 +106,8 @@ def draw_climbs(axis: Axes, found: EscapeEnergy, units: str) -> None:
         if math.isfinite(tilt):
             axis.plot([tilt, tilt], [0, top], color=COLOURS[1], ls=":", lw=1.2)
     if np.isinf(found.from_rest).all():
-        axis.text(0, 0, "a full cage:\nnothing gets out", ha="center", va="center")
+        said = "a full cage:\nnothing gets out" if found.full_cage else "no way out\nwas found"
+        axis.text(0, 0, said, ha="center", va="center")
         axis.set_yticks([])
     axis.set_ylim(0, top)
     degrees = np.arange(0, 360, 45)
@@ -163,10 +164,11 @@ def draw_way_out(axis: Axes, found: EscapeEnergy, tilt: float) -> None:
 
 def _height(found: EscapeEnergy, tilt: float) -> str:
     """The climb at a tilt in words."""
-    most = found.at(tilt).from_rest
-    if math.isinf(most):
+    least, most = (one.at(tilt).from_rest for one in (found.at_least or found, found))
+    if math.isinf(least):
         return "no way out"
-    least = found.at_least.at(tilt).from_rest if found.at_least else most
+    if math.isinf(most):
+        return f"climb {least:,.4g} at least, no way found"
     words = [f"{climb:,.4g}" for climb in (least, most)]
     return f"climb {' to '.join(dict.fromkeys(words))}"
 
