@@ -12,6 +12,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.contour import QuadContourSet
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 import pcjax
 from pcjax.design.checkpoint import Progress, Step
@@ -234,6 +235,24 @@ def test_scores_are_called_by_their_names(name: str, label: str) -> None:
     assert score_label(name) == label
 
 
+def labels_of(axis: Axes) -> list[Text]:
+    """The values of an axis's contours."""
+    lines = [one for one in axis.collections if isinstance(one, QuadContourSet) and not one.filled]
+    return [text for one in lines for text in getattr(one, "labelTexts", [])]
+
+
+@pytest.mark.parametrize(("cells", "told"), [(5, True), (21, False)])
+def test_a_loop_that_is_hardly_longer_than_its_value_has_none(cells: int, told: bool) -> None:
+    """About a single peak: diamonds whose sides are up to a cell of the grid long."""
+    score = np.zeros((cells, cells))
+    score[cells // 2, cells // 2] = 1.0
+    axis = Figure().subplots()
+    across = np.linspace(0.0, 1.0, cells)
+    covered = [across, across], np.zeros((cells, cells), bool)
+    draw_contours(axis, across, across, score, "score", covered, np.array([[0.0, 0.0]]))
+    assert bool(labels_of(axis)) == told
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_values_of_contours_lie_in_the_axes_and_apart_from_what_covers_them(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -247,8 +266,7 @@ def test_values_of_contours_lie_in_the_axes_and_apart_from_what_covers_them(seed
     mark = np.array([[0.0, 80.0]])
     draw_contours(axis, xs, ys, 1e4 * score, "score", (fine, covered), mark)
     figure.draw_without_rendering()
-    lines = [one for one in axis.collections if isinstance(one, QuadContourSet) and not one.filled]
-    labels = [text for one in lines for text in getattr(one, "labelTexts", [])]
+    labels = labels_of(axis)
     assert labels
     for label in labels:
         box = label.get_window_extent()

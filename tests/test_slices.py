@@ -156,10 +156,10 @@ def test_a_nearly_round_polygon_climbs_as_a_circle_does() -> None:
 def test_a_mirrored_hand_with_a_mirrored_object_has_the_mirrored_climbs() -> None:
     """In a mirror along the hand's axis an object at an angle is its mirror image in its own x
     axis, at half a turn less the angle."""
-    lengths = ((500.0, 150.0, 120.0), (420.0, 190.0, 80.0))
-    angles = tuple(tuple(map(math.radians, row)) for row in ((90, 90, 75), (85, 95, 60)))
-    hand = pcjax.HandDesign(500.0, lengths, (angles[0], angles[1]))
-    other = pcjax.HandDesign(500.0, lengths[::-1], (angles[1], angles[0]))
+    left, right = (500.0, 150.0, 120.0), (420.0, 190.0, 80.0)
+    bent, turned = (tuple(map(math.radians, row)) for row in ((90, 90, 75), (85, 95, 60)))
+    hand = pcjax.HandDesign(500.0, (left, right), (bent, turned))
+    other = pcjax.HandDesign(500.0, (right, left), (turned, bent))
     for turns in (True, False):
         body = pcjax.Polygon(
             ((0.0, 0.0), (60.0, 0.0), (0.0, 80.0)), 5.0, orientation=0.4, turns=turns

@@ -123,13 +123,27 @@ class EscapeEnergy(Shown):
         return self._over_held(self.from_start)
 
     def lines(self, name: str = "") -> list[str]:
-        """A table, line by line, with a name in its corner; upper bounds come before lower ones."""
+        """A table, line by line, with a name in its corner: one of each bound, unless both are the
+        same to their last digit."""
+        tables = {"" if self.exact else self.bound: self._rows()}
+        if self.at_least:
+            least = self.at_least._rows()
+            same = least == tables[self.bound]
+            tables = {"at least and at most": least} if same else tables | {"at least": least}
+        return [
+            f"{label:30}{rest:>22}{start:>22}"
+            for bound, rows in tables.items()
+            for label, rest, start in (
+                (", ".join(filter(None, (name, bound))), "from rest", "from a start"),
+                *rows,
+            )
+        ]
+
+    def _rows(self) -> list[tuple[str, str, str]]:
+        """The table's cells."""
         told = self.as_json()
-        bound = "" if self.exact else self.bound
-        corner = ", ".join(filter(None, (name, bound)))
         kinds = told["from_rest"], told["from_start"]
         rows = [
-            (corner, "from rest", "from a start"),
             ("upright, 0 deg", *(_length(kind["upright"]) for kind in kinds)),
             ("least of all tilts", *(_at(kind["least"]) for kind in kinds)),
             ("most of all tilts", *(_at(kind["most"]) for kind in kinds)),
@@ -138,9 +152,8 @@ class EscapeEnergy(Shown):
         ]
         if np.hypot(*self.begins) > _FLAT:
             begins = f"as a trial begins, {told['begins_tilt_deg']:.4g} deg"
-            rows.insert(2, (begins, *(_length(kind["begins"]) for kind in kinds)))
-        table = [f"{label:30}{rest:>22}{start:>22}" for label, rest, start in rows]
-        return table + (self.at_least.lines(name) if self.at_least else [])
+            rows.insert(1, (begins, *(_length(kind["begins"]) for kind in kinds)))
+        return rows
 
     def __repr__(self) -> str:
         return "\n".join(self.lines())
@@ -208,7 +221,8 @@ def energy(
     Arguments:
         hand, body, drive, start_spread: as for `pcjax.evaluate`.
         direction: "does" or "eoen".
-        tilts: of how many directions of gravity, evenly spread.
+        tilts: of how many directions of gravity, evenly spread. Between these the mean is taken to
+            be linear, and a tilt that opens the hand is looked for between those that do and not.
         orientations: at how many angles a body that turns is looked at, evenly spread, beside those
             at which a side of it lies flat on a limb.
 
@@ -251,42 +265,55 @@ def energy_of(
     gap = check_geometry(scenario)
     begins, held = _gravities(scenario.drive)
     caged = full_cage(gap, 2 * scenario.body.inner_radius())
-    step = 2 * math.pi / tilts
-    each = step * (np.arange(tilts) + 1 - tilts / 2)
 
     def found(bound: str, landscape: Landscape, less: EscapeEnergy | None = None) -> EscapeEnergy:
         if caged:
             landscape = replace(landscape, exits=landscape.exits[:0])
-
-        @functools.cache
-        def climb(tilt: float) -> Climb:
-            return landscape.climb(_direction(tilt))
-
-        def opening(kind: Callable[[Climb], float]) -> tuple[float, float]:
-            def is_open(tilt: float) -> bool:
-                return kind(climb(tilt)) <= 0
-
-            return _first(is_open, -step, tilts // 2), _first(is_open, step, tilts // 2)
-
-        climbs = [climb(tilt) for tilt in each.tolist()]
+        each, climbs, (opens, lets_go) = _at_tilts(landscape, tilts)
         return EscapeEnergy(
             scenario,
             bound,
             each,
             np.array([climb.from_rest for climb in climbs]),
             np.array([climb.from_start for climb in climbs]),
-            opening(lambda climb: climb.from_start),
-            opening(lambda climb: climb.from_rest),
+            opens,
+            lets_go,
             begins,
             held,
             landscape,
             less,
         )
 
-    if not _turns(scenario.body):
-        return found("exact", landscape_for(scenario))
     landscape = landscape_for(scenario, orientations)
+    if not _turns(scenario.body):
+        return found("exact", landscape)
     return found("at most", landscape, found("at least", landscape_inside(scenario, landscape)))
+
+
+def _at_tilts(
+    landscape: Landscape, tilts: int
+) -> tuple[Float[np.ndarray, " tilts"], list[Climb], list[tuple[float, float]]]:
+    """So many tilts, the climb at each, and those at which none is left from a start and from
+    rest."""
+
+    @functools.cache
+    def climb(tilt: float) -> Climb:
+        return landscape.climb(_direction(tilt))
+
+    def from_start_is_open(tilt: float) -> bool:
+        return climb(tilt).from_start <= 0
+
+    def from_rest_is_open(tilt: float) -> bool:
+        return climb(tilt).from_rest <= 0
+
+    count = math.ceil(tilts / 2)  # so that the last one is upside down
+    step = math.pi / count
+    openings = [
+        (_first(is_open, -step, count), _first(is_open, step, count))
+        for is_open in (from_start_is_open, from_rest_is_open)
+    ]
+    each = 2 * math.pi / tilts * (np.arange(tilts) + 1 - tilts / 2)
+    return each, [climb(tilt) for tilt in each.tolist()], openings
 
 
 def landscape_for(scenario: Scenario, orientations: int = ORIENTATIONS) -> Landscape:

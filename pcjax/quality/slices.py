@@ -249,9 +249,10 @@ class _Net:
         labels = connected_components(graph)[1][:own]
         turned = angles[self.slice]
 
-        def placed(at: Points) -> Places:
+        def placed(at: Points, turned: Angles | None = None) -> Places:
             there = [self.within(at, k) for k in range(self.count) if len(self.trees[k])]
-            return Places(at, np.full(len(at), angles[0]), np.concatenate(there, axis=1))
+            turned = np.full(len(at), angles[0]) if turned is None else turned
+            return Places(at, turned, np.concatenate(there, axis=1))
 
         begun = labels[placed(starts).corners[:, 0]]
         sides = []
@@ -260,7 +261,10 @@ class _Net:
             places = Places(self.points[mine], turned[mine], mine[:, None])
             sides.append((placed(starts[begun == group]), places))
         if around is not None:
-            sides = [(placed(start.at), placed(places.at)) for start, places in around.sides]
+            sides = [
+                (placed(start.at), placed(places.at, places.angles))
+                for start, places in around.sides
+            ]
         joined = np.isin(labels, begun)
         after = np.append(angles[1:], angles[0] + period)
         return Landscape(

@@ -75,7 +75,7 @@ class Inspection(Shown):
     doubts: tuple[str, ...]
 
     def __repr__(self) -> str:
-        study, run = self.study, self.study.run
+        study = self.study
         limbs = " and ".join(str(len(lengths)) for lengths in study.hand.lengths)
         body = study.body
         pull = getattr(study.drive, "gravity", None)
@@ -106,17 +106,25 @@ class Inspection(Shown):
                 for (x0, y0), (x1, y1) in view.starts
             ]
             lines.append(f"         starts at {' or '.join(where)}")
-        seconds, trials = study.max_steps / 1000, f"{study.trials:,}"
-        if run.precision_target is not None:
-            trials = f"at most {trials}"
         lines += [
             f"drive    {type(study.drive).__name__}, period {study.drive.period:g} s; a fall "
             f"through the hand takes about {self.fall:.2g} s",
-            f"run      {' and '.join(NAMES[d] for d in study.directions)}, {trials} trials "
-            f"each, limit {study.max_steps:,} steps ({seconds:g} s), seed {run.seed}",
+            *self.ending(),
         ]
-        lines += [f"doubt: {doubt}" for doubt in self.doubts]
         return "\n".join(wrapped(line, indent=9) for line in lines)
+
+    def ending(self) -> list[str]:
+        """The list's last lines: how it is tried, and doubts."""
+        study = self.study
+        trials = f"{study.trials:,}"
+        if study.run.precision_target is not None:
+            trials = f"at most {trials}"
+        return [
+            f"run      {' and '.join(NAMES[d] for d in study.directions)}, {trials} trials each, "
+            f"limit {study.max_steps:,} steps ({study.max_steps / 1000:g} s), seed "
+            f"{study.run.seed}",
+            *(f"doubt: {doubt}" for doubt in self.doubts),
+        ]
 
     def as_json(self) -> dict[str, Any]:
         """Plain numbers for `--json`."""

@@ -40,7 +40,7 @@ class SpatialInspection(Inspection):
     room: float | None
 
     def __repr__(self) -> str:
-        study, run, hand = self.study, self.study.run, self.study.hand
+        study, hand = self.study, self.study.hand
         body, drive, start = study.body, study.drive, self.study.hand.start
         name, thickness = self.thinnest
         of = f", {hand.root} and what it carries" if hand.root else ""
@@ -64,17 +64,12 @@ class SpatialInspection(Inspection):
                 f"{NAMES[direction]:8} "
                 + (f"cannot be run: {view.problem}" if view.problem else str(view.engine))
             )
-        trials = f"{study.trials:,}"
-        if run.precision_target is not None:
-            trials = f"at most {trials}"
         lines += [
             f"drive    up to {math.degrees(float(drive.amplitude)):.4g} deg from where gravity "
             f"points along {_listed(drive.rest)}, period {drive.period:g} s; a fall through the "
             f"hand takes about {self.fall:.2g} s",
-            f"run      {' and '.join(NAMES[d] for d in study.directions)}, {trials} trials each, "
-            f"limit {study.max_steps:,} steps ({study.max_steps / 1000:g} s), seed {run.seed}",
+            *self.ending(),
         ]
-        lines += [f"doubt: {doubt}" for doubt in self.doubts]
         return "\n".join(wrapped(line, indent=9) for line in lines)
 
     def as_json(self) -> dict[str, Any]:

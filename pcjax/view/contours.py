@@ -15,8 +15,15 @@ _MARGIN = 0.1
 _APART = 0.15
 """Share of the plane's sides that labels are apart."""
 
-_SHORTEST = 0.2
+_SHORTEST = 0.4
 """Share of the plane's sides that a line has to be long for a label."""
+
+_HALF = 0.06
+"""Half of a label's length, as share of the plane's sides: so far to both sides of it the line has
+to be straight, else it stands beside the line and cuts a corner off."""
+
+_STRAIGHT = 0.95
+"""How long the chord of such a piece has to be, as share of the piece."""
 
 Covered = tuple[Sequence[Float[np.ndarray, " _"]], Bool[np.ndarray, "y x"]]
 """Lines of a grid, x first, and where something else is drawn over it."""
@@ -73,6 +80,11 @@ def _add_place(
     way = np.linspace(0.0, along[-1], 101)
     points = np.stack([np.interp(way, along, line[:, k]) for k in (0, 1)], axis=-1)
     free = np.all((points > _MARGIN) & (points < 1 - _MARGIN), axis=1)
+    before, after = (
+        np.stack([np.interp(way + off, along, line[:, k]) for k in (0, 1)], axis=-1)
+        for off in (-_HALF, _HALF)
+    )
+    free &= np.hypot(*(after - before).T) > 2 * _HALF * _STRAIGHT
     (columns, rows), mask = covered
     at = low + size * points
     column, row = (

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -23,35 +25,49 @@ def plot_front(data: tuple[Front, DesignSpace, Surrogate]) -> Figure:
     """Both aims of all designs that were tried, the front with its 95 % intervals, and hands along
     it from one end to the other, to scale."""
     found, space, surrogate = data
-    count = min(len(found.members), _HANDS)
-    shown = np.unique(np.linspace(0, len(found.members) - 1, count).round().astype(int))
-    figure = Picture(figsize=(13.5, 5.0), layout="constrained")
-    grid = figure.add_gridspec(1, 2, width_ratios=[1.0, 1.25])
-    left, right = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
-    draw_front(left.subplots(), found, shown)
-    rows = right.subplots(2, -(-len(shown) // 2), squeeze=False)
-    hands = [space.hand(found.members[k].design) for k in shown]
-    corners = np.concatenate([points_of(hand) for hand in hands])
+    figure, places = front_with_places(found, _HANDS)
+    hands = {k: space.hand(found.members[k].design) for k in places}
+    corners = np.concatenate([points_of(hand) for hand in hands.values()])
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = 0.06 * np.max(high - low)
-    for place, k, hand in zip(rows.ravel(), shown, hands, strict=False):
-        _draw_hand(place, hand, surrogate, k + 1)
+    for k, place in places.items():
+        _draw_hand(place, hands[k], surrogate, k + 1)
         place.set(
             xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin)
         )
-    for place in rows.ravel()[len(hands) :]:
-        place.set_axis_off()
     return figure
+
+
+def front_with_places(found: Front, most: int) -> tuple[Figure, dict[int, Axes]]:
+    """A figure with both aims and the front, and axes for hands along it from one end to the other.
+
+    Arguments:
+        found: the front.
+        most: hands.
+
+    Returns:
+        The figure, and the axes by which of the members they are for.
+    """
+    count = min(len(found.members), most)
+    shown = np.unique(np.linspace(0, len(found.members) - 1, count).round().astype(int)).tolist()
+    figure = Picture(figsize=(13.5, 5.0), layout="constrained")
+    grid = figure.add_gridspec(1, 2, width_ratios=[1.0, 1.25])
+    left, right = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
+    _draw_front(left.subplots(), found, shown)
+    places = right.subplots(2, -(-len(shown) // 2), squeeze=False).ravel()
+    for place in places[len(shown) :]:
+        place.set_axis_off()
+    return figure, dict(zip(shown, places, strict=False))
 
 
 def plot_aims(found: Front) -> Figure:
     """The front without its hands: all that it knows without its space."""
     figure = Picture(figsize=(6.4, 5.0), layout="constrained")
-    draw_front(figure.subplots(), found, np.arange(len(found.members)))
+    _draw_front(figure.subplots(), found, range(len(found.members)))
     return figure
 
 
-def draw_front(axis: Axes, found: Front, shown: np.ndarray) -> None:
+def _draw_front(axis: Axes, found: Front, shown: Sequence[int]) -> None:
     """Both aims of all designs that were tried, and the front, in which some are numbered."""
     axis.plot(*found.tried.T, ".", color="0.75", ms=5, label="tried, as the model sees them")
     values = np.array([[aim.value for aim in member.aims] for member in found.members])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from pcjax.design.front import Front
@@ -12,7 +11,7 @@ from pcjax.design.outcome import Optimum
 from pcjax.design.postures import PostureSpace
 from pcjax.quality.surrogate import Surrogate
 from pcjax.view.designs import draw_history
-from pcjax.view.front import draw_front
+from pcjax.view.front import front_with_places
 from pcjax.view.picture import Picture
 
 _HANDS = 4
@@ -39,17 +38,9 @@ def plot_front(data: tuple[Front, PostureSpace, Surrogate]) -> Figure:
     """Both aims of all designs that were tried, the front with its 95 % intervals, and hands along
     it from one end to the other."""
     found, space, surrogate = data
-    count = min(len(found.members), _HANDS)
-    shown = np.unique(np.linspace(0, len(found.members) - 1, count).round().astype(int))
-    figure = Picture(figsize=(13.5, 5.0), layout="constrained")
-    grid = figure.add_gridspec(1, 2, width_ratios=[1.0, 1.25])
-    left, right = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
-    draw_front(left.subplots(), found, shown)
-    axes = right.subplots(2, -(-len(shown) // 2), squeeze=False).ravel()
-    hands = [space.hand(found.members[k].design) for k in shown]
-    _draw(axes, hands, [str(k + 1) for k in shown], surrogate)
-    for axis in axes[len(shown) :]:
-        axis.set_axis_off()
+    figure, places = front_with_places(found, _HANDS)
+    hands = [space.hand(found.members[k].design) for k in places]
+    _draw(places.values(), hands, [str(k + 1) for k in places], surrogate)
     return figure
 
 
@@ -57,6 +48,6 @@ def _draw(axes: Any, hands: Any, titles: list[str], surrogate: Surrogate) -> Non
     from pcjax.view.spatial import draw_hand
 
     azimuth = None
-    for axis, hand, title in zip(axes, hands, titles, strict=False):
+    for axis, hand, title in zip(axes, hands, titles, strict=True):
         scenario: Any = surrogate.task.scenarios(hand)[0]
         azimuth = draw_hand(axis, scenario, azimuth=azimuth, title=title)
