@@ -17,7 +17,7 @@ from pcjax.cli.parts import (
     settle_outputs,
     whole,
 )
-from pcjax.quality.energy import TILTS
+from pcjax.quality.energy import ORIENTATIONS, TILTS
 from pcjax.study.energy import energy_of_study, energy_table
 
 
@@ -27,6 +27,14 @@ def add_energy(parser: argparse.ArgumentParser) -> None:
     add_direction(parser, "both where the hand has both, does on the arm")
     parser.add_argument(
         "--tilts", type=whole, default=TILTS, help="of how many directions of gravity"
+    )
+    parser.add_argument(
+        "--orientations",
+        type=whole,
+        default=ORIENTATIONS,
+        metavar="N",
+        help="at how many angles an object that turns is looked at; the more, the closer is what "
+        f"it needs at most (default: {ORIENTATIONS})",
     )
     parser.add_argument(
         "--at",
@@ -50,7 +58,7 @@ def _run(arguments: argparse.Namespace) -> None:
         check_between("--at", tilt, -360, 360)
     study = condition(arguments)
     check_plane(study, "escape energy")
-    found = energy_of_study(study, tilts=arguments.tilts)
+    found = energy_of_study(study, tilts=arguments.tilts, orientations=arguments.orientations)
     if arguments.plot:
         # Imported where it is needed: matplotlib takes a second.
         from pcjax.view.energy import plot_energy

@@ -21,11 +21,15 @@ from pcjax.model.checking import check_geometry
 from pcjax.model.drives.base import Drive
 from pcjax.model.hand import HandDesign, full_cage
 from pcjax.model.scenario import DIRECTIONS, Scenario
-from pcjax.quality.landscape import Climb, Landscape, landscape_of
+from pcjax.quality.landscape import Climb, Landscape, Points
+from pcjax.quality.slices import POINT, Shape, landscape_of, slices_of
 from pcjax.showing import Shown
 
 TILTS = 360
 """Directions of gravity unless a number is given: one a degree."""
+
+ORIENTATIONS = 72
+"""At how many angles a body that turns is looked at unless a number is given: every 5 degrees."""
 
 _FLAT = 1e-6
 """Shares of gravity in the plane that are rounding."""
@@ -43,16 +47,21 @@ class EscapeEnergy(Shown):
     lies in the hand's plane. A wrist has only a part of it there, and the energy is that part of
     it.
 
+    Of a circle, and of what does not turn, climbs are exact. Of another body there are two: along
+    ways that it surely can take, at most (`from_rest` and all else here), and those of the circle
+    inside it, at least (the same of `at_least`).
+
     A tilt is the angle of gravity in the hand frame from the way to the palm, -y, positive towards
     finger 2: upright the hand's is 0.
 
     Attributes:
         scenario: the condition.
-        exact: whether climbs are the object's own, to the landscape's tolerance: a circle's are;
-            else they are lower bounds.
+        bound: "exact" where climbs are the object's own, to the landscape's tolerance; else "at
+            most" or "at least".
         tilts: from above -pi up to pi, radians.
         from_rest: the climb from the place of which it is most, a length: what the object needs
-            from wherever it lies. Infinite in a full cage.
+            from wherever it lies. Infinite in a full cage, and as an upper bound where no way out
+            was found.
         from_start: the climb from the middle of a start, the lesser of both: what it needs at
             least.
         opens: the smallest tilts, radians, towards finger 1 (negative) and finger 2, at which it
@@ -61,12 +70,13 @@ class EscapeEnergy(Shown):
         begins: gravity over g in the hand frame as a trial begins.
         held: the same at the ends of periods, for many draws of the drive.
         landscape: the triangulated free space.
+        at_least: the lower bounds where climbs are upper bounds; None elsewhere.
     """
 
     drawn_by = "view.energy.plot_energy"
 
     scenario: Scenario
-    exact: bool
+    bound: str
     tilts: Float[np.ndarray, " tilts"]
     from_rest: Float[np.ndarray, " tilts"]
     from_start: Float[np.ndarray, " tilts"]
@@ -75,6 +85,17 @@ class EscapeEnergy(Shown):
     begins: Float[np.ndarray, "2"]
     held: Float[np.ndarray, "draws 2"]
     landscape: Landscape
+    at_least: EscapeEnergy | None = None
+
+    @property
+    def exact(self) -> bool:
+        """Whether climbs are the object's own, to the landscape's tolerance."""
+        return self.bound == "exact"
+
+    @property
+    def full_cage(self) -> bool:
+        """Whether nothing gets out, for sure: not only that no way was found."""
+        return bool(np.isinf((self.at_least or self).from_rest).all())
 
     def at(self, tilt: float) -> Climb:
         """The way out at a tilt, radians."""
@@ -102,11 +123,27 @@ class EscapeEnergy(Shown):
         return self._over_held(self.from_start)
 
     def lines(self, name: str = "") -> list[str]:
-        """A table, line by line, with a name in its corner."""
+        """A table, line by line, with a name in its corner: one of each bound, unless both are the
+        same to their last digit."""
+        tables = {"" if self.exact else self.bound: self._rows()}
+        if self.at_least:
+            least = self.at_least._rows()
+            same = least == tables[self.bound]
+            tables = {"at least and at most": least} if same else tables | {"at least": least}
+        return [
+            f"{label:30}{rest:>22}{start:>22}"
+            for bound, rows in tables.items()
+            for label, rest, start in (
+                (", ".join(filter(None, (name, bound))), "from rest", "from a start"),
+                *rows,
+            )
+        ]
+
+    def _rows(self) -> list[tuple[str, str, str]]:
+        """The table's cells."""
         told = self.as_json()
         kinds = told["from_rest"], told["from_start"]
         rows = [
-            (name, "from rest", "from a start"),
             ("upright, 0 deg", *(_length(kind["upright"]) for kind in kinds)),
             ("least of all tilts", *(_at(kind["least"]) for kind in kinds)),
             ("most of all tilts", *(_at(kind["most"]) for kind in kinds)),
@@ -115,8 +152,8 @@ class EscapeEnergy(Shown):
         ]
         if np.hypot(*self.begins) > _FLAT:
             begins = f"as a trial begins, {told['begins_tilt_deg']:.4g} deg"
-            rows.insert(2, (begins, *(_length(kind["begins"]) for kind in kinds)))
-        return [f"{label:30}{rest:>22}{start:>22}" for label, rest, start in rows]
+            rows.insert(1, (begins, *(_length(kind["begins"]) for kind in kinds)))
+        return rows
 
     def __repr__(self) -> str:
         return "\n".join(self.lines())
@@ -137,9 +174,10 @@ class EscapeEnergy(Shown):
             }
 
         upright, begins = self.at(0.0), self.at(self.begins_at)
-        return {
+        told = {
             "exact": self.exact,
-            "full_cage": bool(np.isinf(self.from_rest).all()),
+            "bound": self.bound,
+            "full_cage": self.full_cage,
             "tilts_deg": [_plain(tilt) for tilt in tilts],
             "begins": [_plain(part) for part in self.begins],
             "begins_tilt_deg": _plain(math.degrees(self.begins_at)),
@@ -149,6 +187,7 @@ class EscapeEnergy(Shown):
             "from_start": found(self.from_start, upright.from_start, begins.from_start),
             "saddle_upright": [_plain(part) for part in upright.saddle],
         }
+        return told | ({"at_least": self.at_least.as_json()} if self.at_least else {})
 
     def _over_held(self, climbs: Float[np.ndarray, " tilts"]) -> float:
         if not np.isfinite(climbs).all():
@@ -165,14 +204,17 @@ def energy(
     drive: Drive | None = None,
     start_spread: float = 0.1,
     tilts: int = TILTS,
+    orientations: int = ORIENTATIONS,
 ) -> EscapeEnergy:
     """How high an object has to climb to get out of a hand, for each direction of gravity, without
     a trial.
 
     It is out where a trial ends: where its centre crosses the goal line. Places that it cannot
-    reach from its starts do not count. For a circle climbs are exact. For another body they are
-    lower bounds: its ways are as free as those of the circle about its centre that is within it,
-    and where it lies is only where it has room to turn.
+    reach from its starts do not count. For a circle climbs are exact, and for what does not turn.
+    For another body there are two bounds. Upper ones are along ways found through many
+    orientations: it surely can take each, and with more of them they come down to its own. Lower
+    ones, `at_least`, are along the ways of the circle about its centre that is within it. It is
+    looked at where it lies in these orientations.
 
     Energies know nothing of speed, friction or how a hand moves, nor of chance.
 
@@ -181,9 +223,12 @@ def energy(
         direction: "does" or "eoen".
         tilts: of how many directions of gravity, evenly spread. Between these the mean is taken to
             be linear, and a tilt that opens the hand is looked for between those that do and not.
+        orientations: at how many angles a body that turns is looked at, evenly spread, beside those
+            at which a side of it lies flat on a limb.
 
     Raises:
-        ValueError: what `pcjax.evaluate` refuses of a hand, a number of tilts out of range, a drive
+        ValueError: what `pcjax.evaluate` refuses of a hand, a number of tilts or orientations out
+            of range, what does not turn at an orientation that is drawn for each trial, a drive
             without gravity, or no shapely (`pip install 'pcjax[energy]'`).
 
     Examples:
@@ -194,59 +239,127 @@ def energy(
         >>> found = pcjax.energy(pcjax.box_hand(0.0), pcjax.Circle(25.0))
         >>> print(f"{found.at(0.0).from_rest:.2f} {found.at(math.pi).from_rest:.2f}")
         475.00 100.00
+
+        A stick of 100 gets out endwise, between the tips; how far it has to climb is known within:
+
+        >>> found = pcjax.energy(pcjax.box_hand(0.0), pcjax.Stick(50.0), tilts=4)
+        >>> print(f"{found.at_least.at(0.0).from_rest:.0f} to {found.at(0.0).from_rest:.0f}")
+        500 to 500
     """
     if direction not in DIRECTIONS:
         raise ValueError(f"direction is {direction!r}: it has to be one of {', '.join(DIRECTIONS)}")
-    return energy_of(DIRECTIONS[direction](hand, body, drive, None, start_spread), tilts)
+    scenario = DIRECTIONS[direction](hand, body, drive, None, start_spread)
+    return energy_of(scenario, tilts, orientations)
 
 
-def energy_of(scenario: Scenario, tilts: int = TILTS) -> EscapeEnergy:
+def energy_of(
+    scenario: Scenario, tilts: int = TILTS, orientations: int = ORIENTATIONS
+) -> EscapeEnergy:
     """`pcjax.energy` of a condition, from `pcjax.does` or `pcjax.eoen`.
 
     Raises:
         ValueError: see `pcjax.energy`.
     """
     check_count("tilts", tilts, 4, 36_000)
+    check_count("orientations", orientations, 8, 3600)
     gap = check_geometry(scenario)
     begins, held = _gravities(scenario.drive)
-    landscape = landscape_for(scenario)
-    if full_cage(gap, float(scenario.body.width)):
-        landscape = replace(landscape, exits=landscape.exits[:0])
-    each = 2 * math.pi * (1 + np.arange(tilts)) / tilts - math.pi
-    climbs = [landscape.climb(_direction(tilt)) for tilt in each.tolist()]
+    caged = full_cage(gap, 2 * scenario.body.inner_radius())
 
-    def opening(climb: Callable[[Climb], float]) -> tuple[float, float]:
-        def is_open(tilt: float) -> bool:
-            return climb(landscape.climb(_direction(tilt))) <= 0
+    def found(bound: str, landscape: Landscape, less: EscapeEnergy | None = None) -> EscapeEnergy:
+        if caged:
+            landscape = replace(landscape, exits=landscape.exits[:0])
+        each, climbs, (opens, lets_go) = _at_tilts(landscape, tilts)
+        return EscapeEnergy(
+            scenario,
+            bound,
+            each,
+            np.array([climb.from_rest for climb in climbs]),
+            np.array([climb.from_start for climb in climbs]),
+            opens,
+            lets_go,
+            begins,
+            held,
+            landscape,
+            less,
+        )
 
-        count = math.ceil(tilts / 2)  # so that the last one is upside down
-        step = math.pi / count
-        return _first(is_open, -step, count), _first(is_open, step, count)
-
-    return EscapeEnergy(
-        scenario,
-        scenario.body.inner_radius() == float(scenario.body.radius),
-        each,
-        np.array([climb.from_rest for climb in climbs]),
-        np.array([climb.from_start for climb in climbs]),
-        opening(lambda climb: climb.from_start),
-        opening(lambda climb: climb.from_rest),
-        begins,
-        held,
-        landscape,
-    )
+    landscape = landscape_for(scenario, orientations)
+    if not _turns(scenario.body):
+        return found("exact", landscape)
+    return found("at most", landscape, found("at least", landscape_inside(scenario, landscape)))
 
 
-def landscape_for(scenario: Scenario) -> Landscape:
-    """The free space of a condition's object, for plain numbers that `pcjax.evaluate` takes."""
-    body, half = scenario.body, 0.5 * float(scenario.hand.thickness)
-    outer = float(body.radius)
+def _at_tilts(
+    landscape: Landscape, tilts: int
+) -> tuple[Float[np.ndarray, " tilts"], list[Climb], list[tuple[float, float]]]:
+    """So many tilts, the climb at each, and those at which none is left from a start and from
+    rest."""
+
+    @functools.cache
+    def climb(tilt: float) -> Climb:
+        return landscape.climb(_direction(tilt))
+
+    def from_start_is_open(tilt: float) -> bool:
+        return climb(tilt).from_start <= 0
+
+    def from_rest_is_open(tilt: float) -> bool:
+        return climb(tilt).from_rest <= 0
+
+    count = math.ceil(tilts / 2)  # so that the last one is upside down
+    step = math.pi / count
+    openings = [
+        (_first(is_open, -step, count), _first(is_open, step, count))
+        for is_open in (from_start_is_open, from_rest_is_open)
+    ]
+    each = 2 * math.pi / tilts * (np.arange(tilts) + 1 - tilts / 2)
+    return each, [climb(tilt) for tilt in each.tolist()], openings
+
+
+def landscape_for(scenario: Scenario, orientations: int = ORIENTATIONS) -> Landscape:
+    """The free space of a condition's object, for plain numbers that `pcjax.evaluate` takes.
+
+    Raises:
+        ValueError: what does not turn at an orientation that is drawn for each trial, or no
+            shapely.
+    """
+    body, half, starts = scenario.body, 0.5 * float(scenario.hand.thickness), _starts(scenario)
+    with jax.enable_x64(True):
+        exact = jax.tree.map(float, body)
+        shape = exact.shape()
+        corners, rounding = exact.outline() if shape is None else (shape.vertices, shape.skin)
+        core = np.array([[float(corner.x), float(corner.y)] for corner in corners])
+        limits = Shape(core, float(rounding) + half)
+    if _turns(body):
+        return slices_of(scenario.hand, limits, starts, orientations)
+    orientation = body.orientation if body.oriented else 0.0
+    if orientation is None and len(core) > 1:
+        raise ValueError(
+            "the object does not turn and its orientation is drawn for each trial: each has an "
+            "energy of its own, so give it one"
+        )
+    return landscape_of(scenario.hand, limits, starts, float(orientation or 0.0))
+
+
+def _turns(body: Body) -> bool:
+    """Whether it matters at which angle it is, and that changes."""
+    return body.turns and len(body.outline()[0]) > 1
+
+
+def landscape_inside(scenario: Scenario, around: Landscape) -> Landscape:
+    """That of the circle inside the object, whose ways out are no higher than the object's own; it
+    lies where the object can."""
     # What has no thickness is held off limbs all the same.
-    inner = max(body.inner_radius(), SKIN * outer)
+    inner = max(scenario.body.inner_radius(), SKIN * float(scenario.body.radius))
+    shape = Shape(POINT, inner + 0.5 * float(scenario.hand.thickness))
+    return landscape_of(scenario.hand, shape, _starts(scenario), around=around)
+
+
+def _starts(scenario: Scenario) -> Points:
+    """The middles of its starts."""
     exact = jax.tree.map(float, scenario)
     middles = [exact.start([end, 0.5, 0.5]) for end in (0.25, 0.75)]
-    starts = np.array([[float(middle.x), float(middle.y)] for middle in middles])
-    return landscape_of(scenario.hand, inner + half, outer + half, starts)
+    return np.array([[float(middle.x), float(middle.y)] for middle in middles])
 
 
 def _length(value: float | None) -> str:

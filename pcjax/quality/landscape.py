@@ -1,10 +1,8 @@
-"""Where in a hand a disc's centre can be, and how high it has to climb to get out.
+"""How high an object has to climb out of a triangulated free space.
 
-A disc is free where its centre is at least its radius from every limb, so the places of its centre
-are what limbs and goal line enclose, less all that is within that radius of a limb. That polygon is
-triangulated. Height against a steady gravity is linear, so two points are connected by places no
-higher than some level if and only if they are along edges whose ends are no higher: in each
-triangle what is below a level is convex, holds the triangle's lowest corner, and meets the
+Height against a steady gravity is linear, so two points of a free space in the plane are connected
+by places no higher than some level if and only if they are along edges whose ends are no higher: in
+each triangle what is below a level is convex, holds the triangle's lowest corner, and meets the
 triangle next to it where it holds their edge's lower end. The least height that has to be passed
 between two places is then that of a path of corners, exactly, whatever the triangulation.
 """
@@ -13,30 +11,18 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from pcjax.geometry import Vec
 from pcjax.importing import Later
-from pcjax.model.hand import HandDesign
 
 if TYPE_CHECKING:
     import shapely
 else:
     shapely = Later("shapely")
-
-ARC = 32
-"""Chords of a quarter of a circle about a limb's end. They lie inside of it, by no more than 3.1e-4
-of its radius, so that no height is wrong by more."""
-
-_TOUCH = 1e-9
-"""By what share of itself the radius is taken smaller, so that what fits exactly does."""
 
 Points = Float[np.ndarray, "points 2"]
 Point = Float[np.ndarray, "2"]
@@ -54,6 +40,8 @@ class Climb:
         rest: that place.
         saddle: the highest point of the lowest way out from there; NaN where there is none.
         way: corners of such a way, from there to the goal line; no points where there is none.
+        rest_angle: of the object at that place, radians; 0 of a circle.
+        angles: of the object along the way.
     """
 
     from_rest: float
@@ -61,14 +49,17 @@ class Climb:
     rest: Point
     saddle: Point
     way: Points
+    rest_angle: float
+    angles: Float[np.ndarray, " points"]
 
 
 @dataclass(frozen=True)
-class _Places:
-    """Points in the free space, each with the corners of the triangle that it is in."""
+class Places:
+    """Points in the free space, each with the corners of the triangles that it is in."""
 
     at: Points
-    corners: Int[np.ndarray, "points 3"]
+    angles: Float[np.ndarray, " points"]
+    corners: Int[np.ndarray, "points _"]
 
 
 @dataclass(frozen=True)
@@ -77,19 +68,23 @@ class Landscape:
 
     Attributes:
         points: the triangles' corners.
+        angles: of the object there, radians.
         near: of each corner those at the other ends of its edges.
         exits: the corners on the goal line.
         outlines: of the polygons that it is made of; none has a hole.
         sides: for each start, its middle and the places that the object can surely reach from
             there; one where both reach the same.
+        period: the turn after which the object looks the same.
         tolerance: by how much heights may be wrong, a length; no climb is less than that.
     """
 
     points: Points
+    angles: Float[np.ndarray, " corners"]
     near: tuple[tuple[int, ...], ...]
     exits: Int[np.ndarray, " exits"]
     outlines: tuple[Outline, ...]
-    sides: tuple[tuple[_Places, _Places], ...]
+    sides: tuple[tuple[Places, Places], ...]
+    period: float
     tolerance: float
 
     def climb(self, direction: Point) -> Climb:
@@ -102,30 +97,34 @@ class Landscape:
         levels, onwards = self._flood(heights)
         starts = [float(np.min(_climbs(levels, start, direction))) for start, _ in self.sides]
         found = [self._deepest(levels, places, direction) for _, places in self.sides]
-        climb, rest, corner = min(found, key=lambda one: one[0])
-        way = [rest]
+        climb, rest, angle, corner = min(found, key=lambda one: one[0])
+        corners = []
         while corner >= 0:
-            way.append(self.points[corner])
+            corners.append(corner)
             corner = onwards[corner]
+        ways = np.concatenate([rest[None], self.points[corners]])
+        angles = np.unwrap([angle, *self.angles[corners]], period=self.period)
         climb, start = (0.0 if one < self.tolerance else one for one in (climb, min(starts)))
-        saddle, ways = np.full(2, math.nan), np.array(way)
+        saddle = np.full(2, math.nan)
         if math.isinf(climb):
-            ways = ways[:0]
+            ways, angles = ways[:0], angles[:0]
         elif climb > 0:
             saddle = ways[np.argmin(ways @ direction)]
-        return Climb(climb, start, rest, saddle, ways)
+        return Climb(climb, start, rest, saddle, ways, angle, angles)
 
     def _deepest(
-        self, levels: Float[np.ndarray, " corners"], places: _Places, direction: Point
-    ) -> tuple[float, Point, int]:
-        """The most that has to be climbed from any of some places, which that is, and the corner
-        where the way out begins; -1 where there is none."""
+        self, levels: Float[np.ndarray, " corners"], places: Places, direction: Point
+    ) -> tuple[float, Point, float, int]:
+        """The most that has to be climbed from any of some places, which that is, the object's
+        angle there, and the corner where the way out begins; -1 where there is none."""
         climbs = _climbs(levels, places, direction)
         if not np.isfinite(climbs).all():
-            return math.inf, places.at[np.argmax(places.at @ direction)], -1
+            lowest = int(np.argmax(places.at @ direction))
+            return math.inf, places.at[lowest], float(places.angles[lowest]), -1
         worst = int(np.argmax(climbs))
         corners = places.corners[worst]
-        return float(climbs[worst]), places.at[worst], int(corners[np.argmin(levels[corners])])
+        corner = int(corners[np.argmin(levels[corners])])
+        return float(climbs[worst]), places.at[worst], float(places.angles[worst]), corner
 
     def _flood(
         self, heights: Float[np.ndarray, " corners"]
@@ -155,106 +154,11 @@ class Landscape:
 
 
 def _climbs(
-    levels: Float[np.ndarray, " corners"], places: _Places, direction: Point
+    levels: Float[np.ndarray, " corners"], places: Places, direction: Point
 ) -> Float[np.ndarray, " points"]:
     """The least that has to be climbed from each of some places to the goal line."""
     below = places.at @ direction
     return np.maximum(levels[places.corners].min(axis=1) + below, 0.0)
-
-
-def landscape_of(hand: HandDesign, inner: float, outer: float, starts: Points) -> Landscape:
-    """The free space of an object, for plain numbers in 64 bits.
-
-    Ways are those of the disc that is within the object, so that the object's own are no lower;
-    places of rest those of the disc that it can turn in, where it can surely be.
-
-    Arguments:
-        hand: as simulated.
-        inner: how far that disc's centre has to be from a limb's middle line, above 0.
-        outer: the same for the disc that it can turn in.
-        starts: the middles of its starts.
-
-    Raises:
-        ValueError: shapely is missing.
-    """
-    _check_shapely()
-    hand = jax.tree.map(float, hand)
-    inside = _around(starts, _free_space(hand, inner))
-    corners = shapely.get_coordinates(
-        [shapely.constrained_delaunay_triangles(part) for part in dict.fromkeys(inside)]
-    ).reshape(-1, 4, 2)[:, :3]
-    points, index = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
-    triangles = index.reshape(-1, 3)
-    near: list[set[int]] = [set() for _ in points]
-    for a, b, c in triangles.tolist():
-        near[a] |= {b, c}
-        near[b] |= {c, a}
-        near[c] |= {a, b}
-    cells: Any = shapely.polygons(points[triangles])
-    tree = shapely.STRtree(cells)
-
-    def placed(at: Points) -> _Places:
-        return _Places(at, triangles[tree.nearest(shapely.points(at))])
-
-    around = inside if outer == inner else _around(starts, _free_space(hand, outer))
-    corner = {tuple(point): k for k, point in enumerate(points.tolist())}
-    reached = {}
-    for part in dict.fromkeys(around):
-        at = shapely.get_coordinates(part)[:-1]
-        if outer == inner:
-            own = np.array([corner[tuple(point)] for point in at.tolist()])
-            reached[part] = _Places(at, np.repeat(own[:, None], 3, axis=1))
-        else:
-            reached[part] = placed(at)
-    if len(reached) == 1:
-        sides = ((placed(starts), reached[around[0]]),)
-    else:
-        sides = tuple(
-            (placed(start[None]), reached[part]) for start, part in zip(starts, around, strict=True)
-        )
-    goal, at = hand.goal(), Vec(points[:, 0], points[:, 1])
-    # A corner in a pocket may be in line with the goal line, beside its ends.
-    past, between = np.asarray(goal.beyond(at)), np.asarray(goal.between(at))
-    exits = np.flatnonzero((np.abs(past) < 1e-8 * hand.palm_length) & between)
-    exits = exits if len(exits) > 1 else exits[:0]  # a point that touches the line is no way out
-    outlines = tuple(shapely.get_coordinates(part) for part in dict.fromkeys(inside))
-    return Landscape(
-        points,
-        tuple(map(tuple, near)),
-        exits,
-        outlines,
-        sides,
-        inner * (1 - math.cos(math.pi / 4 / ARC)),
-    )
-
-
-def _free_space(hand: HandDesign, radius: float) -> list[Any]:
-    """The polygons in which a centre can be."""
-    region: Any = shapely.Polygon(_points(hand.region()))
-    if not region.is_valid:  # limbs that touch
-        region = shapely.make_valid(region)
-    lines = np.stack([_points([limb.start, limb.end]) for limb in hand.limbs()])
-    taken = shapely.buffer(shapely.linestrings(lines), radius * (1 - _TOUCH), quad_segs=ARC)
-    return _polygons(shapely.difference(region, shapely.union_all(taken)))
-
-
-def _points(corners: Sequence[Vec]) -> Points:
-    return np.array([[corner.x, corner.y] for corner in corners], float)
-
-
-def _polygons(shape: Any) -> list[Any]:
-    return [part for part in shapely.get_parts(shape).tolist() if part.geom_type == "Polygon"]
-
-
-def _around(starts: Points, parts: list[Any]) -> list[Any]:
-    """The polygon that each start is in."""
-    found = np.asarray(shapely.STRtree(parts).nearest(shapely.points(starts)))
-    return [parts[k] for k in found]
-
-
-def _check_shapely() -> None:
-    if find_spec("shapely") is None:
-        raise ValueError("energies need the package shapely: pip install 'pcjax[energy]'")
 
 
 def pool_of(landscape: Landscape, climb: Climb, direction: Point) -> tuple[Outline, Outline]:
@@ -271,7 +175,7 @@ def pool_of(landscape: Landscape, climb: Climb, direction: Point) -> tuple[Outli
     low = shapely.Polygon([climb.saddle + a * across + d * direction for a, d in sides])
     free = shapely.union_all([shapely.Polygon(outline) for outline in landscape.outlines])
     rest: Any = shapely.Point(climb.rest)
-    pool = min(_polygons(shapely.intersection(low, free)), key=rest.distance)
+    pool = min(polygons_of(shapely.intersection(low, free)), key=rest.distance)
     room = shapely.buffer(pool, 1e-6 * far)
     way, k = [climb.rest], 0
     while k < len(climb.way) - 1:
@@ -282,3 +186,45 @@ def pool_of(landscape: Landscape, climb: Climb, direction: Point) -> tuple[Outli
         )
         way.append(climb.way[k])
     return shapely.get_coordinates(pool), np.array(way)
+
+
+def short_way(
+    landscape: Landscape, climb: Climb, direction: Point, radius: float
+) -> tuple[Points, Float[np.ndarray, " points"]]:
+    """The shortest way out along edges from the place of rest, no higher than the saddle, and the
+    object's angles on it.
+
+    Arguments:
+        landscape: a free space.
+        climb: a way out of it.
+        direction: of gravity.
+        radius: how long a turn by a radian is.
+    """
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import dijkstra
+
+    points, angles, period = landscape.points, landscape.angles, landscape.period
+    a = np.repeat(np.arange(len(points)), [len(others) for others in landscape.near])
+    b = np.concatenate([np.array(others, int) for others in landscape.near])
+    heights = -(points @ direction)
+    top = np.max(-(climb.way @ direction)) + 1e-9 * np.ptp(points)
+    low = (heights[a] <= top) & (heights[b] <= top)
+    a, b = a[low], b[low]
+    turn = np.abs((angles[b] - angles[a] + period / 2) % period - period / 2)
+    # Links in place have no length where nothing is turned, but are edges all the same.
+    length = np.hypot(*(points[b] - points[a]).T) + radius * turn + 1e-12 * np.ptp(points)
+    graph = csr_array((length, (a, b)), (len(points),) * 2)
+    begin = np.argmin(
+        np.hypot(*(points - climb.rest).T) + np.where(angles == climb.rest_angle, 0, np.inf)
+    )
+    far, before = dijkstra(graph, indices=begin, return_predecessors=True)
+    way = [int(landscape.exits[np.argmin(far[landscape.exits])])]
+    while way[-1] != begin:
+        way.append(int(before[way[-1]]))
+    way.reverse()
+    return points[way], np.unwrap(angles[way], period=period)
+
+
+def polygons_of(shape: Any) -> list[Any]:
+    """The polygons of what may have other parts."""
+    return [part for part in shapely.get_parts(shape).tolist() if part.geom_type == "Polygon"]

@@ -6,20 +6,22 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pcjax.quality.energy import TILTS, EscapeEnergy, energy_of
+from pcjax.quality.energy import ORIENTATIONS, TILTS, EscapeEnergy, energy_of
 from pcjax.results.schema import NAMES
 from pcjax.results.tables import wrapped
 from pcjax.study.spec import Study
 from pcjax.units import length_in_words
 
 
-def energy_of_study(study: Study, *, tilts: int = TILTS) -> dict[str, EscapeEnergy]:
+def energy_of_study(
+    study: Study, *, tilts: int = TILTS, orientations: int = ORIENTATIONS
+) -> dict[str, EscapeEnergy]:
     """`pcjax.energy` of the hand of a study in each direction that the study asks for; its sweep
     and its run are not looked at.
 
     Arguments:
         study: what is looked at.
-        tilts: as for `pcjax.energy`.
+        tilts, orientations: as for `pcjax.energy`.
 
     Raises:
         ValueError: see `pcjax.energy`, and EoEn of a hand that has none.
@@ -31,7 +33,9 @@ def energy_of_study(study: Study, *, tilts: int = TILTS) -> dict[str, EscapeEner
         >>> print(f"{found['does'].at(0.0).from_rest:.1f} {found['eoen'].at(0.0).from_rest:.1f}")
         475.0 575.0
     """
-    return {d: energy_of(scenario, tilts) for d, scenario in study.scenarios().items()}
+    return {
+        d: energy_of(scenario, tilts, orientations) for d, scenario in study.scenarios().items()
+    }
 
 
 def energy_table(found: Mapping[str, EscapeEnergy], units: str) -> str:
@@ -49,11 +53,13 @@ def energy_table(found: Mapping[str, EscapeEnergy], units: str) -> str:
     ]
     if not first.exact:
         notes.append(
-            "lower bounds: the ways out are those of the circle inside the object, of radius "
-            f"{first.scenario.body.inner_radius():.4g}"
+            "at most: along ways that the object can take, as found; at least: along those of the "
+            f"circle inside it, of radius {first.scenario.body.inner_radius():.4g}"
         )
-    caged = [NAMES[d] for d, one in found.items() if np.isinf(one.from_rest).all()]
-    if caged:
-        notes.append(f"{' and '.join(caged)}: a full cage, nothing gets out")
+    for said, caged in (("a full cage, nothing gets out", True), ("no way out was found", False)):
+        shut = [NAMES[d] for d, one in found.items() if np.isinf(one.from_rest).all()
+                and one.full_cage == caged]  # fmt: skip
+        if shut:
+            notes.append(f"{' and '.join(shut)}: {said}")
     tables = [line for direction, one in found.items() for line in one.lines(NAMES[direction])]
     return "\n".join([*tables, *map(wrapped, notes)])

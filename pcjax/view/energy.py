@@ -8,6 +8,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import Float
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -15,7 +16,7 @@ from matplotlib.figure import Figure
 from pcjax.model.bodies.base import placed_outline
 from pcjax.model.hand import points_of
 from pcjax.quality.energy import EscapeEnergy
-from pcjax.quality.landscape import pool_of
+from pcjax.quality.landscape import pool_of, short_way
 from pcjax.results.schema import NAMES
 from pcjax.units import length_in_words
 from pcjax.view.picture import Picture
@@ -34,8 +35,9 @@ def plot_energy(
     the lowest way out.
 
     In the hand the water stands up to the saddle, the highest point of that way: with less energy
-    the object's centre stays in it. Grey sectors are the tilts that the drive holds, the darker the
-    more it pulls there.
+    the object's centre stays in it. What turns is drawn along its way instead. Where climbs are
+    known within bounds, lines are upper ones and dashes lower ones. Grey sectors are the tilts that
+    the drive holds, the darker the more it pulls there.
 
     Arguments:
         found: from `pcjax.energy`, or by direction from `pcjax.energy_of_study`.
@@ -89,17 +91,23 @@ def draw_climbs(axis: Axes, found: EscapeEnergy, units: str) -> None:
     ):
         axis.bar(low, top, width, align="edge", color="0.5", alpha=0.3 * share, lw=0, zorder=0)
     closed = np.append(found.tilts, found.tilts[0] + 2 * math.pi)
-    for climbs, colour, label in (
+    for climbs, colour, name in (
         (found.from_rest, COLOURS[0], "climb from where it lies deepest"),
         (found.from_start, COLOURS[1], "climb from a start"),
     ):
+        label = name if found.exact else f"{name}, {found.bound}"
         if np.isfinite(climbs).all():
             axis.plot(closed, np.append(climbs, climbs[0]), color=colour, lw=2, label=label)
+    if (less := found.at_least) is not None:
+        for climbs in (less.from_rest, less.from_start):
+            if np.isfinite(climbs).all():
+                axis.plot(closed, np.append(climbs, climbs[0]), "k--", lw=0.9, label=less.bound)
     for tilt in found.opens:
         if math.isfinite(tilt):
             axis.plot([tilt, tilt], [0, top], color=COLOURS[1], ls=":", lw=1.2)
     if np.isinf(found.from_rest).all():
-        axis.text(0, 0, "a full cage:\nnothing gets out", ha="center", va="center")
+        said = "a full cage:\nnothing gets out" if found.full_cage else "no way out\nwas found"
+        axis.text(0, 0, said, ha="center", va="center")
         axis.set_yticks([])
     axis.set_ylim(0, top)
     degrees = np.arange(0, 360, 45)
@@ -112,37 +120,68 @@ def draw_climbs(axis: Axes, found: EscapeEnergy, units: str) -> None:
 
 def draw_way_out(axis: Axes, found: EscapeEnergy, tilt: float) -> None:
     """The hand turned until gravity points down, with where the object lies deepest, the lowest way
-    out from there, and the water up to its saddle."""
+    out from there, and the water up to its saddle, or what turns at places along that way."""
     c, s = math.cos(tilt), math.sin(tilt)
     turn = np.array([[c, -s], [s, c]])  # of rows, by -tilt
-    climb, scenario = found.at(tilt), found.scenario
+    climb, body, hand = found.at(tilt), found.scenario.body, found.scenario.hand
+
+    def draw_body(at: Float[np.ndarray, "2"], angle: float, **style: Any) -> None:
+        draw_object(axis, *placed_outline(body, at @ turn, angle - tilt), **style)
+
     for outline in found.landscape.outlines:
         axis.fill(*(outline @ turn).T, color="0.93", lw=0, zorder=0)
-    way, flows = climb.way, np.isfinite(climb.saddle).all()
-    if flows:
-        pool, way = pool_of(found.landscape, climb, np.array([s, -c]))
+    down, way, flows = np.array([s, -c]), climb.way, np.isfinite(climb.saddle).all()
+    if found.at_least and len(way):
+        radius = float(body.radius)
+        way, angles = short_way(found.landscape, climb, down, radius)
+        for at, angle in _spread_along(way, angles, radius):
+            draw_body(at, angle, colour="0.6", label="object along a way out")
+        if flows:
+            k = np.argmin(way @ down)
+            draw_body(way[k], angles[k], colour=COLOURS[1], label="object at the saddle")
+    elif flows:
+        pool, way = pool_of(found.landscape, climb, down)
         axis.fill(*(pool @ turn).T, color="#9ecae1", lw=0, zorder=0.5)
-    hand = scenario.hand
     draw_limbs(axis, points_of(hand) @ turn, float(hand.thickness), zorder=3)
     with jax.enable_x64(True):
         goal = jax.device_get(jax.tree.map(float, hand).goal())
     ends = np.array([[goal.a.x, goal.a.y], [goal.b.x, goal.b.y]])
     axis.plot(*(ends @ turn).T, color=COLOURS[2], ls="--", lw=1.5, label="goal line", zorder=2)
-    draw_object(
-        axis,
-        *placed_outline(scenario.body, climb.rest @ turn, 0.0),
-        colour=COLOURS[0],
-        label="object where it lies deepest",
-    )
+    draw_body(climb.rest, climb.rest_angle, colour=COLOURS[0], label="object where it lies deepest")
     if len(way):
         axis.plot(*(way @ turn).T, color="0.25", lw=1, ls=":", label="a way out", zorder=4.5)
     if flows:
+        top = way[np.argmin(way @ down)]
         axis.plot(
-            *(climb.saddle @ turn), marker="*", color=COLOURS[1], ms=13, ls="", label="saddle",
+            *(top @ turn), marker="*", color=COLOURS[1], ms=13, ls="", label="saddle",
             zorder=5,
         )  # fmt: skip
     axis.set_aspect("equal")
     axis.margins(0.06)
     axis.set_axis_off()
-    height = "no way out" if math.isinf(climb.from_rest) else f"climb {climb.from_rest:,.4g}"
-    axis.set_title(f"tilt {math.degrees(tilt):.4g}°: {height}", fontsize=10)
+    axis.set_title(f"tilt {math.degrees(tilt):.4g}°: {_height(found, tilt)}", fontsize=10)
+
+
+def _height(found: EscapeEnergy, tilt: float) -> str:
+    """The climb at a tilt in words."""
+    least, most = (one.at(tilt).from_rest for one in (found.at_least or found, found))
+    if math.isinf(least):
+        return "no way out"
+    if math.isinf(most):
+        return f"climb {least:,.4g} at least, no way found"
+    words = [f"{climb:,.4g}" for climb in (least, most)]
+    return f"climb {' to '.join(dict.fromkeys(words))}"
+
+
+def _spread_along(
+    way: Float[np.ndarray, "points 2"],
+    angles: Float[np.ndarray, " points"],
+    radius: float,
+    count: int = 6,
+) -> list[tuple[Float[np.ndarray, "2"], float]]:
+    """Places and angles that are evenly spread on a way, by how far a body's ends come."""
+    steps = np.hypot(*np.diff(way, axis=0).T) + radius * np.abs(np.diff(angles))
+    gone = np.append(0.0, np.cumsum(steps))
+    at = gone[-1] * np.arange(1, count + 1) / count
+    x, y, turned = (np.interp(at, gone, part) for part in (*way.T, angles))
+    return list(zip(np.stack([x, y], axis=1), turned.tolist(), strict=True))
