@@ -1,6 +1,6 @@
 """Why the curves of Fig. 9(b) peak: from where in the box hand objects escape, and which way.
 
-For W_g = 0.6 and 0.8 L_p, theta_g from 0 to 80 deg and four readings of the model: how often an
+For W_g = 0.6 and 0.8 L_p, theta_g from 0 to 80 deg and several readings of the model: how often an
 object begins a period of the wrist at rest in the wedge between fingertip and lid, in the lid's
 outer corner, at the palm, or in motion; how many escape in that period, and whether they came
 round a fingertip (the last they touched before was the lid or the fingertip's back) or straight
@@ -59,7 +59,15 @@ FALLING = Reading("gravity 98", RUBBING.gravity, 0.0, True)
 ROLLING = Reading("rolling", RUBBING.gravity, RUBBING.friction, True)
 READINGS = {reading.name: reading for reading in (LITERAL, FALLING, RUBBING, ROLLING)}
 COLOURS = dict(zip(READINGS, ("#0072b2", "#e69f00", "#d55e00", "#888888"), strict=True))
-FEWER = {ROLLING.name: 5}
+FURTHER = {
+    reading.name: reading
+    for reading in (
+        Reading(f"friction {mu:g}", RUBBING.gravity, mu, RUBBING.turning) for mu in (0.2, 0.5)
+    )
+}
+"""Pucks that rub less and more: their peaks have to move along. Not drawn."""
+
+FEWER = {ROLLING.name: 5, **dict.fromkeys(FURTHER, 2)}
 """Of how many trials one is run: those of a circle that rolls take longest."""
 
 PLACES = ("wedge", "lid corner", "palm corner", "other rest", "sliding behind", "moving", "start")
@@ -461,11 +469,15 @@ def draw(rows: Sequence[Row]) -> Figure:
     rest.plot([], [], "k-", label="at rest behind a fingertip")
     rest.plot([], [], "k--", label="at rest in the lid's corner")
     for axis in panels[:, 0]:
-        axis.legend(fontsize=9)
-    made = dict.fromkeys(
-        f"{int(r['trials']):,} trials, {int(r['max_steps']):,} steps" for r in rows
+        axis.legend(fontsize=9, loc="upper left" if axis is corner else "best")
+    trials = {row["reading"]: f"{int(row['trials']):,}" for row in rows}
+    fewer = [
+        f", {trials[name]} for {name}" for name in READINGS if name in FEWER and name in trials
+    ]
+    figure.suptitle(
+        f"{trials[rows[0]['reading']]} trials{''.join(fewer)}; limit "
+        f"{int(rows[0]['max_steps']):,} steps; bands and bars are 95 % intervals"
     )
-    figure.suptitle("; ".join(made) + "; bands and bars are 95 % intervals")
     return figure
 
 
@@ -489,14 +501,13 @@ def shift_arrow(axis: Axes, rows: Sequence[Row], gap_width: float) -> None:
         ends.append(float(np.interp(height, share, angle)))
     shift = math.degrees(math.atan(RUBBING.friction))
     axis.annotate("", (ends[0] + shift, height), (ends[0], height), arrowprops={"arrowstyle": "->"})
-    axis.text(
-        ends[0] + shift / 2, height * 1.15, f"atan {RUBBING.friction:g} = {shift:.0f}°", ha="center"
-    )
+    label = f"atan {RUBBING.friction:g} = {shift:.0f}°"
+    axis.text(ends[0] + shift + 4.0, 0.3 * height, label, fontsize=9)
 
 
 def draw_paths() -> Figure:
     """Objects that start at rest in the lid's corner, without friction and with it."""
-    figure = Figure(figsize=(11, 5.8), layout="constrained")
+    figure = Figure(figsize=(11, 6.1), layout="constrained")
     panels = figure.subplots(2, 2, sharex=True, sharey=True)
     cases = ((FALLING, 40.0), (RUBBING, 40.0), (FALLING, 60.0), (RUBBING, 60.0))
     for axis, (reading, angle) in zip(panels.ravel(), cases, strict=True):
@@ -554,7 +565,7 @@ def main() -> None:
         "--trials",
         type=int,
         default=paper.TRIALS,
-        help="for each condition; a fifth of them for a circle that rolls",
+        help="for each condition; a fifth of them for a circle that rolls, half for other pucks",
     )
     add("--max-steps", type=int, default=paper.WRIST_MAX_STEPS, help="limit")
     add("--seed", type=int, default=1)
@@ -563,11 +574,12 @@ def main() -> None:
     settings = {"trials": args.trials, "max_steps": args.max_steps, "seed": args.seed}
     rows = kept(args.out)
     wanted = {
-        name: settings | {"trials": max(args.trials // FEWER.get(name, 1), 2)} for name in READINGS
+        name: settings | {"trials": max(args.trials // FEWER.get(name, 1), 2)}
+        for name in (*READINGS, *FURTHER)
     }
     if any(int(row[k]) != value for row in rows for k, value in wanted[row["reading"]].items()):
         parser.error(f"{args.out} was made with other settings: use those, or another --out")
-    for reading, gap_width in product(READINGS.values(), GAP_WIDTHS):
+    for reading, gap_width in product((*READINGS.values(), *FURTHER.values()), GAP_WIDTHS):
         if picked(rows, reading.name, gap_width, "all"):
             continue
         rows += group(reading, gap_width, **wanted[reading.name])
