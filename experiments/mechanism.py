@@ -31,6 +31,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.stats import binomtest
 
+from experiments.readings import save
 from pcjax.geometry import Vec
 from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.hand import points_of
@@ -534,17 +535,6 @@ def draw_paths() -> Figure:
 
 
 # ------------------------------------------------------------------------------------------- run
-
-
-def save(rows: Sequence[Row], path: Path) -> None:
-    """Writes the data file; the old one stays until the new one is complete."""
-    unfinished = path.with_suffix(".part")
-    with unfinished.open("w", newline="") as file:
-        names = dict.fromkeys(name for row in rows for name in row)
-        writer = csv.DictWriter(file, list(names), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-    unfinished.replace(path)
 
 
 def kept(path: Path) -> list[Row]:
