@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import base64
 import math
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -17,13 +16,11 @@ import numpy as np
 from nicegui import app, background_tasks, ui
 
 from pcjax.model.spatial.frozen import posed
-from pcjax.physics.state import INVALID, PASSED
+from pcjax.physics.state import PASSED
 from pcjax.results.evaluation import Evaluation
-from pcjax.results.schema import NAMES
 from pcjax.simulate.backends.recording import SpatialRecording, record_spatial
 from pcjax.simulate.choose import choose_engine
 from pcjax.simulate.outcomes import LIMIT
-from pcjax.simulate.replay import PICKS
 from pcjax.study.spec import Study
 from pcjax.view.rendering import Stage, check_rendering
 from pcjax.view.takes import Shots
@@ -33,6 +30,7 @@ from pcjax.view.web.looks import experiment_of
 from pcjax.view.web.numbers import Curves, Numbers
 from pcjax.view.web.page import opened
 from pcjax.view.web.panel import Panel
+from pcjax.view.web.player import Player
 from pcjax.view.web.studio import Studio
 
 T = TypeVar("T")
@@ -41,9 +39,6 @@ _EVERY = 0.1
 """Seconds between the pictures of a film, on the page's clock."""
 
 _SPEEDS = {0.25: "1/4", 1: "real time", 4: "4 x", 16: "16 x"}
-
-_LAST = 20.0
-"""Seconds before a trial's end at which its film begins."""
 
 _QUALITY = 85
 
@@ -164,45 +159,37 @@ def recorded(study: Study, direction: str, trial: int) -> SpatialRecording:
     )
 
 
-class SpatialWatch:
+class SpatialWatch(Player):
     """The hand in its posture, or a film of a trial, and the player's controls."""
 
     def __init__(self, studio: SpatialStudio):
-        self.studio = studio
         self._shots: Shots | None = None
-        self._last, self._turn, self._busy = 0.0, 0, False
+        self._turn, self._busy = 0, False
         self._azimuth: float | None = None
         self._image = ui.element("img").classes("rendered")
         self._image.props["alt"] = "the hand with the object in it; the arrow is gravity"
         self._image.props["data-testid"] = "picture"
-        with ui.element("div").classes("line many"):
-            names = {d: NAMES[d] for d in studio.desk.study.directions}
-            self._direction = ui.toggle(names, value=next(iter(names))).props("dense no-caps")
-            self._pick = ui.select(list(PICKS), value="escaped", label="trial").props("dense")
-            self._pick.props["data-testid"] = "pick"
-            self._number = ui.number("or its number", min=0, format="%d").props("dense clearable")
-            self._number.props["data-testid"] = "trial"
-            self._play = ui.button("play", icon="play_arrow", on_click=self.toggle)
-            self._play.props("dense no-caps").props["data-testid"] = "play"
-            self._speed = ui.select(_SPEEDS, value=1, label="speed").props("dense")
-        with ui.element("div").classes("line"):
-            self._clock = ui.label("").classes("quiet")
-            self._clock.props["data-testid"] = "clock"
-            self._time = ui.slider(min=0.0, max=1.0, step=0.01, value=0.0).props("dense")
-            self._time.props["aria-label"] = "time of the trial"
-            self._time.on("update:model-value", self._draw, throttle=0.1)
+        super().__init__(studio, studio.desk.study.directions, _SPEEDS, 1, _EVERY)
         with ui.element("div").classes("line"):
             ui.label("seen from [deg]").classes("quiet")
             self._from = ui.slider(min=-180, max=180, step=1, value=0).props("dense")
             self._from.props["aria-label"] = "where the camera is, degrees about the vertical"
             self._from.props["data-testid"] = "camera"
             self._from.on("update:model-value", self._look_from, throttle=0.1)
-        self._timer = ui.timer(_EVERY, self._tick, active=False)
         for choice in (self._direction, self._pick, self._number):
             choice.on_value_change(self._renew)
         studio.on_design.append(lambda moving: self._renew())
         ui.context.client.on_delete(self._put_away)
         app.on_shutdown(self._put_away)
+
+    def _choose_more(self) -> None:
+        """A trial's number."""
+        self._number = ui.number("or its number", min=0, format="%d").props("dense clearable")
+        self._number.props["data-testid"] = "trial"
+
+    @property
+    def _recording(self) -> SpatialRecording | None:
+        return None if self._shots is None else self._shots.recording
 
     def _put_away(self) -> None:
         """Ends the film, in the thread that OpenGL has made it in."""
@@ -238,24 +225,9 @@ class SpatialWatch:
             self._shots.look_from(self._azimuth)
             await self._draw()
 
-    @property
-    def _now(self) -> float:
-        return float(self._time.value or 0.0)
-
-    async def toggle(self) -> None:
-        """Plays, or stops."""
-        if self._shots is None and not await self._load():
-            return
-        assert self._shots is not None
-        if self._now >= self._shots.recording.seconds:
-            self._time.value = 0.0
-        self._timer.active, self._last = not self._timer.active, time.perf_counter()
-        self._label()
-
     async def _load(self) -> bool:
-        studio, last, turn = self.studio, self.studio.last, self._turn
-        if last is None or last.study is not studio.desk.study or studio.problem:
-            studio.refused("there is no trial to be played of this design yet")
+        studio, last, turn = self.studio, self._known(), self._turn
+        if last is None:
             return False
         direction, number = str(self._direction.value), self._number.value
         self._play.props("loading")
@@ -273,23 +245,14 @@ class SpatialWatch:
             _RENDERING.submit(shots.close)
             return False
         self._shots = shots
-        self._time.props["max"] = recording.seconds
-        # Its end is what is worth a look.
-        self._time.value = max(recording.seconds - _LAST, 0.0)
+        self._begin()
         await self._draw()
         return True
 
     async def _tick(self) -> None:
-        shots, now = self._shots, time.perf_counter()
-        if shots is None or self._busy:
-            return
-        end = shots.recording.seconds
-        later = self._now + float(self._speed.value or 1) * (now - self._last)
-        self._last, self._time.value = now, min(later, end)
-        if later >= end:
-            self._timer.active = False
-            self._label()
-        await self._draw()
+        if self._shots is not None and not self._busy:
+            self._advance()
+            await self._draw()
 
     async def _draw(self) -> None:
         shots, at = self._shots, self._now
@@ -303,12 +266,10 @@ class SpatialWatch:
         if shots is not self._shots:
             return
         self._show(pixels)
-        ends = {PASSED: "escaped", LIMIT: "still held", INVALID: "went wrong"}
-        one = shots.recording
-        tilt = ", ".join(f"{math.degrees(t):+.0f}°" for t in one.angles(np.array([at]))[0])
-        self._clock.set_text(
-            f"trial {one.trial}: {at:.1f} of {one.seconds:.1f} s, {ends[one.status]}; tilt {tilt}"
+        tilt = ", ".join(
+            f"{math.degrees(t):+.0f}°" for t in shots.recording.angles(np.array([at]))[0]
         )
+        self._tell(at, f"; tilt {tilt}")
 
     def _show(self, pixels: np.ndarray) -> None:
         from PIL import Image
@@ -317,11 +278,6 @@ class SpatialWatch:
         Image.fromarray(pixels).save(file, "JPEG", quality=_QUALITY)
         data = base64.b64encode(file.getvalue()).decode()
         self._image.props["src"] = f"data:image/jpeg;base64,{data}"
-
-    def _label(self) -> None:
-        playing = self._timer.active
-        self._play.set_text("pause" if playing else "play")
-        self._play.props(f"icon={'pause' if playing else 'play_arrow'}")
 
 
 def _still(study: Study, direction: str, azimuth: float | None) -> tuple[np.ndarray, float]:

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import time
 from asyncio import to_thread
 from dataclasses import dataclass
 
 import numpy as np
-from nicegui import ui
 
 from pcjax.model.scenario import DIRECTIONS, Scenario
 from pcjax.physics.state import INVALID, PASSED
 from pcjax.results.evaluation import Evaluation
 from pcjax.results.schema import NAMES
 from pcjax.simulate.outcomes import LIMIT
-from pcjax.simulate.replay import PICKS, Frames, Recording, record
+from pcjax.simulate.replay import Frames, Recording, record
 from pcjax.simulate.stepping import safe_step
 from pcjax.study.spec import Study
 from pcjax.view.web.canvas import Canvas
 from pcjax.view.web.picture import Frame, object_svg, pull_svg, trail_svg
+from pcjax.view.web.player import Player
 from pcjax.view.web.studio import Studio
 
 _EVERY = 0.05
@@ -33,7 +32,7 @@ _TRIED = 8
 _PADDED = 2000
 """Frames are worked out so many at a time, by one program."""
 
-_SPEEDS = {1: "real time", 4: "4 x", 16: "16 x"}
+_SPEEDS = {1.0: "real time", 4.0: "4 x", 16.0: "16 x"}
 
 
 @dataclass(frozen=True)
@@ -108,32 +107,21 @@ def find_film(study: Study, direction: str, pick: str, found: Evaluation) -> Fil
     raise ValueError(f"none of {len(status):,} trials {what[pick]}: pick another one")
 
 
-class Watch:
+class Watch(Player):
     """The player's controls."""
 
     def __init__(self, studio: Studio, canvas: Canvas):
-        self.studio, self.canvas = studio, canvas
+        self.canvas = canvas
         self._film: Film | None = None
-        self._last = 0.0
         self._shown = ""
-        with ui.element("div").classes("line many"):
-            names = {d: NAMES[d] for d in DIRECTIONS}
-            self._direction = ui.toggle(names, value="does").props("dense no-caps")
-            self._pick = ui.select(list(PICKS), value="escaped", label="trial").props("dense")
-            self._pick.props["data-testid"] = "pick"
-            self._play = ui.button("play", icon="play_arrow", on_click=self.toggle)
-            self._play.props("dense no-caps").props["data-testid"] = "play"
-            self._speed = ui.select(_SPEEDS, value=4, label="speed").props("dense")
-        with ui.element("div").classes("line"):
-            self._clock = ui.label("").classes("quiet")
-            self._clock.props["data-testid"] = "clock"
-            self._time = ui.slider(min=0.0, max=1.0, step=0.01, value=0.0).props("dense")
-            self._time.props["aria-label"] = "time of the trial"
-            self._time.on("update:model-value", self._seek, throttle=0.04)
-        self._timer = ui.timer(_EVERY, self._tick, active=False)
+        super().__init__(studio, DIRECTIONS, _SPEEDS, 4, _EVERY)
         self._direction.on_value_change(self.clear)
         self._pick.on_value_change(self.clear)
         studio.on_design.append(lambda moving: self.clear())
+
+    @property
+    def _recording(self) -> Recording | None:
+        return None if self._film is None else self._film.recording
 
     def clear(self) -> None:
         """No film any more: it was of something else."""
@@ -146,25 +134,10 @@ class Watch:
         self._clock.set_text("")
         self._label()
 
-    @property
-    def _now(self) -> float:
-        return float(self._time.value or 0.0)
-
-    async def toggle(self) -> None:
-        """Plays, or stops."""
-        if self._film is None and not await self._load():
-            return
-        assert self._film is not None
-        if self._now >= self._film.recording.seconds:
-            self._time.value = 0.0
-        self._timer.active, self._last = not self._timer.active, time.perf_counter()
-        self._label()
-
     async def _load(self) -> bool:
-        studio, last = self.studio, self.studio.last
+        studio, last = self.studio, self._known()
         direction, pick = str(self._direction.value), str(self._pick.value)
-        if last is None or last.study is not studio.desk.study or studio.problem:
-            studio.refused("there is no trial to be played of this design yet")
+        if last is None:
             return False
         if direction not in last.found.directions:
             studio.refused(f"this hand has no {NAMES[direction]}")
@@ -180,41 +153,17 @@ class Watch:
         if studio.desk.study is not last.study:
             return False
         self._film, self._shown = film, direction
-        self._time.props["max"] = film.recording.seconds
-        # Its end is what is worth a look.
-        self._time.value = max(film.recording.seconds - 20.0, 0.0)
+        self._begin()
         self.canvas.over[direction] = lambda frame: film.at(self._now, frame)
         self._draw()
         return True
 
     def _tick(self) -> None:
-        film = self._film
-        if film is None:
-            return
-        now = time.perf_counter()
-        later = self._now + float(self._speed.value or 1) * (now - self._last)
-        self._last = now
-        self._time.value = min(later, film.recording.seconds)
-        if later >= film.recording.seconds:
-            self._timer.active = False
-            self._label()
-        self._draw()
-
-    def _seek(self) -> None:
         if self._film is not None:
+            self._advance()
             self._draw()
 
     def _draw(self) -> None:
-        film = self._film
-        assert film is not None
-        self.canvas.redraw(self._shown)
-        ends = {PASSED: "escaped", LIMIT: "still held", INVALID: "went wrong"}
-        one = film.recording
-        self._clock.set_text(
-            f"trial {one.trial}: {self._now:.1f} of {one.seconds:.1f} s, {ends[one.status]}"
-        )
-
-    def _label(self) -> None:
-        playing = self._timer.active
-        self._play.set_text("pause" if playing else "play")
-        self._play.props(f"icon={'pause' if playing else 'play_arrow'}")
+        if self._film is not None:
+            self.canvas.redraw(self._shown)
+            self._tell(self._now)
