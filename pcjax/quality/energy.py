@@ -263,7 +263,7 @@ def energy_of(
         ValueError: see `pcjax.energy`.
     """
     check_count("tilts", tilts, 4, 36_000)
-    check_count("orientations", orientations, 8, 3600)
+    check_count("orientations", orientations, 8, 720)
     gap = check_geometry(scenario)
     begins, held = _gravities(scenario.drive)
     caged = full_cage(gap, 2 * scenario.body.inner_radius())
