@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -18,6 +19,7 @@ from experiments import fuzz
 from pcjax.geometry import Vec, is_inside
 from pcjax.model.bodies.outline import SKIN
 from pcjax.quality.energy import energy_of, landscape_for, landscape_inside
+from pcjax.study.energy import energy_table
 
 pytestmark = pytest.mark.usefixtures("quick_programs")
 
@@ -37,6 +39,8 @@ def test_climbs_of_a_square_out_of_the_box_hand() -> None:
     """Palm and lids at y = 0 and 500, walls at x = +-250, tips of 100 hung at x = +-100."""
     found = pcjax.energy(pcjax.box_hand(0.0), pcjax.Square(40.0), tilts=4)
     assert (found.exact, found.bound) == (False, "at most")
+    told = found.as_json()
+    assert (told["bound"], told["at_least"]["bound"]) == ("at most", "at least")
     skin = SKIN * 20 * math.sqrt(2)
     closed = {0: 500 - 20 - skin, 90: (250 - 20) - (100 - 20), 180: 100}
     for degrees, climb in closed.items():
@@ -94,6 +98,23 @@ def test_a_triangle_whose_width_is_more_than_the_gap_may_still_reach_through_it(
     least, most = bounds(pcjax.energy(hand, tall, tilts=4), 0)
     assert least == pytest.approx(500 - width / 3, abs=0.05)
     assert most == pytest.approx(least, abs=0.05)
+
+
+def test_no_way_found_is_no_full_cage(tmp_path: Path) -> None:
+    """A capsule that fits through an oblique gap so tightly that the polygon about its rounding
+    does not: its circle gets out."""
+    left, right = (500.0, 150.0, 120.0), (420.0, 190.0, 80.0)
+    bent, turned = (tuple(map(math.radians, row)) for row in ((90, 90, 75), (85, 95, 60)))
+    hand = pcjax.HandDesign(500.0, (left, right), (bent, turned))
+    wide = 0.9998 * float(hand.gap())
+    found = {"does": pcjax.energy(hand, pcjax.Capsule(1.2 * wide, wide), tilts=4)}
+    least, most = bounds(found["does"], 0)
+    assert math.isfinite(least)
+    assert math.isinf(most)
+    assert not found["does"].full_cage
+    assert "DoEs: no way out was found" in energy_table(found, "model")
+    pcjax.plot_energy(found).savefig(tmp_path / "energy.png")
+    assert (tmp_path / "energy.png").stat().st_size > 10_000
 
 
 BODIES = (

@@ -310,13 +310,14 @@ def _free_space(
     if not region.is_valid:  # limbs that touch
         region = shapely.make_valid(region)
     limbs = np.stack([_points([limb.start, limb.end]) for limb in hand.limbs()])
-    sums = limbs[:, :, None] - pieces[:, :, None, None]
-    lines = shapely.linestrings(sums.reshape(len(pieces), -1, 2 * pieces.shape[2], 2))
-    taken = shapely.convex_hull(lines)
-    if radius > 0:
-        taken = shapely.buffer(taken, radius * (1 - _TOUCH), quad_segs=ARC)
-    union: Any = shapely.union_all
-    left = shapely.difference(region, union(taken, axis=1))
+    taken = []
+    for held in pieces:  # one after the other, so that they need no room at once
+        sums = limbs[:, None, :, None] - held[:, None]
+        hulls = shapely.convex_hull(shapely.linestrings(sums.reshape(-1, 2 * held.shape[1], 2)))
+        if radius > 0:
+            hulls = shapely.buffer(hulls, radius * (1 - _TOUCH), quad_segs=ARC)
+        taken.append(shapely.union_all(hulls))
+    left = shapely.difference(region, taken)
     parts, which = shapely.get_parts(left, return_index=True)
     polygons = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
     return parts[polygons], which[polygons]

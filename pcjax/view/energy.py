@@ -82,7 +82,8 @@ def draw_climbs(axis: Axes, found: EscapeEnergy, units: str) -> None:
     """The climbs over the tilt, a polar plot whose 0 is below, as the palm is."""
     polar: Any = axis
     polar.set_theta_zero_location("S")
-    finite = [c[np.isfinite(c)] for c in (found.from_rest, found.from_start)]
+    shown = [one for one in (found, found.at_least) if one]
+    finite = [c[np.isfinite(c)] for one in shown for c in (one.from_rest, one.from_start)]
     top = 1.08 * max((float(c.max()) for c in finite if len(c)), default=1.0) or 1.0
     sectors = np.linspace(-math.pi, math.pi, _SECTORS + 1)
     pull = np.histogram(found.held_tilts, sectors, weights=np.hypot(*found.held.T))[0]
@@ -107,7 +108,8 @@ def draw_climbs(axis: Axes, found: EscapeEnergy, units: str) -> None:
             axis.plot([tilt, tilt], [0, top], color=COLOURS[1], ls=":", lw=1.2)
     if np.isinf(found.from_rest).all():
         said = "a full cage:\nnothing gets out" if found.full_cage else "no way out\nwas found"
-        axis.text(0, 0, said, ha="center", va="center")
+        axis.text(0, 0, said, ha="center", va="center", bbox={"fc": "white", "lw": 0, "alpha": 0.8})
+    if found.full_cage:
         axis.set_yticks([])
     axis.set_ylim(0, top)
     degrees = np.arange(0, 360, 45)
