@@ -34,7 +34,7 @@ def add_energy(parser: argparse.ArgumentParser) -> None:
         default=ORIENTATIONS,
         metavar="N",
         help="at how many angles an object that turns is looked at; the more, the closer is what "
-        f"it needs at most (default: {ORIENTATIONS})",
+        "it needs at most",
     )
     parser.add_argument(
         "--at",
