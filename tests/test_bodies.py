@@ -337,3 +337,22 @@ def test_inspect_draws_the_body_in_the_circle_that_it_turns_in() -> None:
         assert far.max() == pytest.approx(float(wedge.radius), rel=1e-4)
         areas.append(_area(outline))
     assert areas[0] == pytest.approx(areas[1], rel=1e-4)
+
+
+def test_a_gap_narrower_than_a_triangle_is_no_sure_cage() -> None:
+    """Its centre is past two fingertips that hold its base back: where they are 2/3 of a side apart
+    or more. Then trials that all stay do not make it certain that one never gets out."""
+    triangle = pcjax.RegularPolygon(3, 111.0)
+    hand = pcjax.box_hand(math.radians(10))
+    gap = float(hand.gap())
+    assert 2 / 3 * 111.0 * math.sqrt(3) < gap < float(triangle.width)
+    assert triangle.least_passage() == pytest.approx(111.0)
+    assert pcjax.Square(60.0, 0.3).least_passage() == pytest.approx(60.0)
+    kept = pcjax.evaluate(hand, triangle, trials=8, max_steps=5000, direction="does")
+    index1 = kept.indices("does")["index1"]
+    assert (index1.value, index1.high) == (5000, 5000)
+    assert index1.low < 5000
+    assert "no more than its centre passes" in " ".join(str(kept).split())
+    square = pcjax.evaluate(hand, pcjax.Square(170.0), trials=8, max_steps=5000, direction="does")
+    assert square.indices("does")["index1"].low == 5000
+    assert "nothing passes" in " ".join(str(square).split())

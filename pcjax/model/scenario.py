@@ -175,6 +175,7 @@ class Scenario(eqx.Module):
         sizes = {
             "radius": float(body.radius),
             "object_width": float(body.width),
+            "least_passage": body.least_passage(),
             "thickness": float(self.hand.thickness),
         }
         # What one has to know of what has an angle: that at the start, and its skin.

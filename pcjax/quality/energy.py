@@ -266,7 +266,7 @@ def energy_of(
     check_count("orientations", orientations, 8, 720)
     gap = check_geometry(scenario)
     begins, held = _gravities(scenario.drive)
-    caged = full_cage(gap, 2 * scenario.body.inner_radius())
+    caged = full_cage(gap, scenario.body.least_passage())
 
     def found(bound: str, landscape: Landscape, less: EscapeEnergy | None = None) -> EscapeEnergy:
         if caged:

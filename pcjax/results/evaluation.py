@@ -266,12 +266,13 @@ class Evaluation(Shown):
         cure = "a smaller dt mends it" if steps else "precision 64 or engine 'stepping' may mend it"
         for direction in self.directions:
             name, counts, n = NAMES[direction], self.status(direction), self.trials
-            caged = self._caged(direction)
-            if caged:
-                gap, width = self._gap_and_width(direction)
+            caged, gap = self._caged(direction), self.gap(direction)
+            width = float(self.attrs["object_width"])
+            if full_cage(gap, width):
+                fate = "nothing passes" if caged else "no more than its centre passes"
                 notes.append(
                     f"{name}: full cage, the gap of {gap:.4g} is narrower than the object "
-                    f"({width:.4g}) and nothing passes"
+                    f"({width:.4g}) and {fate}"
                 )
             notes += self._half_step(direction)
             if counts["invalid"]:
@@ -375,11 +376,11 @@ class Evaluation(Shown):
                 lines.append(stick_text(name, **stick, invalid=invalid))
         return "\n".join(lines + [wrapped(f"note: {note}") for note in self.notes()])
 
-    def _gap_and_width(self, direction: str) -> tuple[float, float]:
-        return self.gap(direction), float(self.attrs["object_width"])
-
     def _caged(self, direction: str) -> bool:
-        return bool(full_cage(*self._gap_and_width(direction)))
+        """Whether nothing passes, for sure."""
+        return bool(
+            full_cage(self.gap(direction), float(self.attrs.get("least_passage", math.nan)))
+        )
 
     def _valid(self, directions: list[str]) -> np.ndarray:
         rows = [self._row("status", direction) != INVALID for direction in directions]

@@ -196,6 +196,7 @@ KINDS: dict[KindName, Kind] = {
         {
             "radius": Attribute("real", 0),
             "object_width": Attribute("real", 0),
+            "least_passage": Attribute("real", 0),
             "thickness": Attribute("real", 0),
             "dt": Attribute("real", 0, nan=True),
             "wall_seconds": Attribute("real"),

@@ -21,7 +21,10 @@ _THIN = {"thickness": 0.0}
 def upgraded(data: xr.Dataset) -> xr.Dataset:
     """A dataset of any version in the form of this one; what is no result stays as it is."""
     if data.attrs.get("kind") == "evaluation":
-        return data.assign_attrs(_THIN | data.attrs)
+        attrs = _THIN | data.attrs
+        if "object_width" in attrs:
+            attrs.setdefault("least_passage", attrs["object_width"])
+        return data.assign_attrs(attrs)
     kind = None if "kind" in data.attrs else _kind_of(data)
     if kind is None:
         return data
@@ -46,6 +49,7 @@ def _evaluation(data: xr.Dataset) -> xr.Dataset:
     attrs = dict(data.attrs)
     radius, angle = (float(attrs.get(name, math.nan)) for name in ("radius", "orientation"))
     attrs.setdefault("object_width", attrs.pop("width", 2 * radius))
+    attrs.setdefault("least_passage", attrs["object_width"])
     attrs.setdefault("trials", data.sizes["trial"])
     attrs |= _THIN
     data = _with_attrs(data, attrs)

@@ -265,8 +265,13 @@ def evaluate_grid(
     # Invalid in one condition is left out of all, and counts as lost in each.
     status = np.where(valid, outcomes.status, INVALID)
     estimates = [
-        indices_of(outcomes.steps[k], status[k], max_steps, caged=bool(full_cage(gap, width)))
-        for k, (gap, width) in enumerate(zip(gaps, widths, strict=True))
+        indices_of(
+            outcomes.steps[k],
+            status[k],
+            max_steps,
+            caged=bool(full_cage(gap, scenario.body.least_passage())),
+        )
+        for k, (gap, scenario) in enumerate(zip(gaps, scenarios, strict=True))
     ]
     stick = {}
     if outcomes.watch is not None:

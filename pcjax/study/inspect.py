@@ -96,7 +96,8 @@ class Inspection(Shown):
                 continue
             assert view.gap is not None
             assert view.starts is not None
-            caged = " (a full cage: nothing passes)" if full_cage(view.gap, self.width) else ""
+            fate = "nothing" if full_cage(view.gap, body.least_passage()) else "at most its centre"
+            caged = f" (a full cage: {fate} passes)" if full_cage(view.gap, self.width) else ""
             lines.append(
                 f"{name} gap {view.gap:.4g}, {view.gap - self.width:+.4g} to the object{caged}; "
                 f"{view.engine}"

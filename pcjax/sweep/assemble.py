@@ -57,7 +57,7 @@ def estimates(
     """Each direction's indices, and the score if there is one, from the trials so far."""
     directions, limit = plan.study.directions, plan.study.max_steps
     cells = [plan.cells[condition, d] for d in directions]
-    caged = [bool(full_cage(c.gap, float(c.scenario.body.width))) for c in cells]
+    caged = [bool(full_cage(c.gap, c.scenario.body.least_passage())) for c in cells]
     some = [samples[condition, d] for d in directions]
     steps, status = (
         np.stack([getattr(sample, name)[: some[0].used] for sample in some])

@@ -152,6 +152,12 @@ class Body(Component, _Sized):
         zero = 0.0 * self.radius
         return (Vec(zero, zero),), self.radius
 
+    def least_passage(self) -> float:
+        """Nothing narrower lets its centre through, a length for plain numbers: twice the inner
+        radius. Of what is not alike on both sides of its centre, as a triangle, that is less than
+        the width: its centre may be past two fingertips that hold the rest of it back."""
+        return min(float(self.width), 2 * self.inner_radius())
+
     def inner_radius(self) -> float:
         """Of the largest circle about its centre that is within it, for plain numbers."""
         corners, rounding = self.outline()
