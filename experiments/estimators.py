@@ -1,0 +1,457 @@
+"""Two more estimators of the score's derivative against `Differences`, at equal processor time.
+
+*Saltation*: each trial's exact derivative, forward along the leaps of the event-driven engine. In
+between events the motion is known in closed form, so a leap may end anywhere and its length is not
+differentiated; where it ends at an event, a Newton step on the time of that event, of which only
+the derivative is kept, makes up for it. At an impact that is the saltation matrix.
+
+*Warped draws*: a generalised likelihood ratio. In each period the draws u of the tilt's targets
+move with the parameter by a field v(u) that takes the growth out of the derivative,
+
+    v = -b(u) (J J' + kappa^2)^-1 J t,
+
+with t the derivative of the state at the period's end, J that with respect to u, and b 0 near the
+edges of the square. What is left of t goes on, and the density's change counts: E[f div v]. Where
+the draws do not move the state, as in a corner, v is 0. div v is a difference over `SHIFT`, since
+v jumps where an impact falls on a period's end.
+
+Keeps `results/estimators.csv`, `results/growth.csv` and draws `results/estimators.png`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from matplotlib.figure import Figure
+
+from experiments.gradients import EIGHT, agreement, groups, rows_of
+from pcjax.design.estimator import Designs, Estimator, Gradient, gradient_from
+from pcjax.design.gradients import Differences
+from pcjax.design.space import Design, DesignSpace
+from pcjax.geometry import Flag, Scalar, Vec, runtime_barrier, unit_and_length, where
+from pcjax.model.motion import Swing
+from pcjax.model.scenario import Scenario, World
+from pcjax.physics.contact.circle import two_nearest
+from pcjax.physics.state import INVALID, RUNNING
+from pcjax.physics.step import begin
+from pcjax.quality.surrogate import Surrogate
+from pcjax.simulate import leaping
+from pcjax.simulate.draws import period_draws, start_draws, trial_key
+from pcjax.simulate.leaping import Flight, Support, Way
+from pcjax.simulate.relaxation import NOWHERE, Excursion, Layer, relaxed_survival
+
+RESULTS = Path(__file__).parent / "results"
+SEED = 21
+
+X, PEAK, HELD = slice(0, 4), 4, 5
+"""Where a trial's numbers are: x, y, vx, vy; the excursion's peak; seconds held."""
+
+DRIFT, BUDGET = 4e-4, 2_000
+"""As the engine's: see `pcjax.simulate.bursts.LeapingEngine`."""
+
+SLOWEST = 0.02
+"""Share of the resting speed below which what touches a limb is not taken for an impact."""
+
+SHIFT, EDGE = 0.03, 0.05
+"""Half the length over which div v is taken, and the width over which v goes to 0 at an edge."""
+
+PLACE, SPEED = 50.0, 20.0
+"""What counts as alike in v: lengths, and lengths / s."""
+
+OPTIONS = {"xla_backend_optimization_level": 1}
+"""The compiler's: with more of it, it takes minutes."""
+
+
+# ------------------------------------------------------------------- along the engine's own leaps
+
+
+def at_event(world: World, flight: Flight, pull: Vec, slid: Flag) -> Flight:
+    """The flight at the end of a leap, with the derivative that it has at the event there.
+
+    Arguments:
+        pull: the acceleration there, with what the limbs do to it.
+        slid: whether the leap went along a limb's flat side.
+    """
+    radius, near = world.contact_radius, world.nearness()
+    tau = fastest = 0.0 * flight.time
+    for contact in two_nearest(world.limbs, flight.position, runtime_barrier(flight.leaps, radius)):
+        normal, distance = unit_and_length(contact.offset)
+        gap, approach = distance - radius, -flight.velocity.dot(normal)
+        hits = (gap <= near) & (approach > SLOWEST * world.law.resting_speed)
+        first = hits & (approach > fastest)
+        tau = jnp.where(first, gap / jnp.where(hits, approach, 1.0), tau)
+        fastest = jnp.where(first, approach, fastest)
+        # Off the end of the limb that it slid along, where the acceleration jumps.
+        limb = contact.limb
+        along = (flight.position - limb.start).dot(limb.tangent)
+        beyond = jnp.where(along > 0.5 * limb.length, along - limb.length, along)
+        speed = flight.velocity.dot(limb.tangent)
+        leaves = slid & contact.round & (gap <= near) & (jnp.abs(beyond) < 64 * near)
+        leaves = leaves & (jnp.abs(speed) > 1e-6) & (fastest <= 0)
+        tau = jnp.where(leaves, -beyond / jnp.where(leaves, speed, 1.0), tau)
+    tau = jnp.where(flight.status == RUNNING, tau - jax.lax.stop_gradient(tau), 0.0)
+    return replace(
+        flight,
+        position=flight.position + (flight.velocity + pull * (0.5 * tau)) * tau,
+        velocity=flight.velocity + pull * tau,
+        time=flight.time + tau,
+    )
+
+
+def leapt(world: World, swing: Swing, longest: Scalar, flight: Flight) -> Flight:
+    """`pcjax.simulate.leaping.leap` with the derivative of the trajectory.
+
+    The leap is the engine's; its length is not differentiated, but for one that ends with gravity's
+    stretch.
+    """
+    after = leaping.leap(world, swing, longest, jax.lax.stop_gradient(flight))
+    radius = world.contact_radius
+    barrier = runtime_barrier(flight.leaps, radius)
+    pull = Way(swing.around(flight.time))
+    turning = swing.turning(flight.time)
+    change = jnp.where(turning, swing.turns_until, swing.until)
+    left = change - flight.time
+    contacts = two_nearest(world.limbs, flight.position, barrier)
+    most = jnp.where(turning, jnp.minimum(left, longest), left)
+    support = leaping.settle(world, contacts, flight, pull, turning, most, barrier)
+    whole = after.time >= change
+    wait = jnp.where(whole, left, jax.lax.stop_gradient(after.time - flight.time))
+    position, velocity = leaping._move(support, radius, pull, wait)  # noqa: SLF001
+    moves = (flight.status == RUNNING) & (flight.time < swing.until)
+    reached = Flight(
+        where(moves, position, flight.position),
+        where(moves, velocity, flight.velocity),
+        jnp.where(moves, jnp.where(whole, change, flight.time + wait), flight.time),
+        after.leaps,
+        after.status,
+    )
+    slid = moves & support.carried & jnp.logical_not(support.rolls)
+    return at_event(world, reached, _arriving(support, pull, velocity, radius, wait), slid)
+
+
+def _arriving(support: Support, pull: Way, velocity: Vec, radius: Scalar, wait: Scalar) -> Vec:
+    """The acceleration at a leap's end, with what the limbs do to it."""
+
+    def at_end(way: Way) -> Vec:
+        a, b, c, d = way.powers
+        return a + (b + (c + d * wait) * wait) * wait
+
+    # On an arc: gravity along it, and towards its middle.
+    tangent, speed = unit_and_length(velocity)
+    inwards = Vec(-tangent.y, tangent.x)
+    side = jnp.where(inwards.dot(support.normal) < 0, 1.0, -1.0)
+    arc = tangent * at_end(pull).dot(tangent) + inwards * (side * speed * speed / radius)
+    return where(support.rolls & support.carried, arc, at_end(support.way))
+
+
+class Ended(NamedTuple):
+    """How a period left a trial: its numbers, its status and the leaps that it took."""
+
+    numbers: Float[Array, "6"]
+    status: Array
+    leaps: Array
+
+
+def after_period(
+    scenario: Scenario,
+    share: Scalar,
+    numbers: Float[Array, "6"],
+    before: Float[Array, "2"],
+    draws: Float[Array, "2"],
+    first: Flag,
+    status: Array,
+) -> Ended:
+    """A trial after one more period, differentiable forwards in everything.
+
+    Arguments:
+        share: half width of the goal's layer, in depths of the channel.
+        numbers: at the period's start.
+        before, draws: of the period before and of this one.
+        first: whether there is none before.
+    """
+    world = scenario.world()
+    channel = scenario.hand.channel()
+    layer = Layer(channel, share * channel.depth())
+    world = replace(world, goal=layer.farthest_goal())
+    profile = world.drive.profile(before, draws, first)
+    drift = DRIFT * world.contact_radius
+    longest, zero = world.drive.steady_interval(drift), 0.0 * numbers[0]
+    x, y, u, v = (numbers[k] for k in range(4))
+    flight = Flight(Vec(x, y), Vec(u, v), zero, jnp.int32(0), status)
+    excursion = Excursion(numbers[PEAK], zero, numbers[HELD])
+
+    def going(carry: tuple[Flight, Excursion, Scalar]) -> Array:
+        flight, _, _ = carry
+        over = flight.time >= world.drive.period
+        return jnp.logical_not(over) & (flight.status == RUNNING) & (flight.leaps < BUDGET)
+
+    def go(carry: tuple[Flight, Excursion, Scalar]) -> tuple[Flight, Excursion, Scalar]:
+        flight, excursion, since = carry
+        until = world.drive.swing(jax.lax.stop_gradient(profile), since, drift).until
+        since = jax.lax.stop_gradient(jnp.where(flight.time >= until, until, since))
+        swing = world.drive.swing(profile, since, drift)
+        then = leapt(world, swing, longest + 0.0 * since, flight)
+        lasted = then.time - flight.time
+        excursion = layer.follow_leap(
+            excursion, flight.position, then.position, then.velocity, lasted
+        )
+        return replace(then, status=layer.verdict(then.status, excursion)), excursion, since
+
+    flight, excursion, _ = jax.lax.while_loop(going, go, (flight, excursion, zero))
+    spent = (flight.leaps >= BUDGET) & (flight.status == RUNNING)
+    at, speed = flight.position, flight.velocity
+    ended = jnp.stack([at.x, at.y, speed.x, speed.y, excursion.peak, excursion.survival_time])
+    return Ended(ended, jnp.where(spent, INVALID, flight.status), flight.leaps)
+
+
+# -------------------------------------------------------------------------------- the estimators
+
+
+class Trial(NamedTuple):
+    """What a trial's run tells.
+
+    Attributes:
+        numbers: at its end.
+        slopes: their derivatives.
+        held: seconds held up to each period's start.
+        divergence: div v of each period.
+        growth: the largest derivative of the place at each period's end; NaN once it is over.
+        status: in the end.
+    """
+
+    numbers: Float[Array, "6"]
+    slopes: Float[Array, "parameters 6"]
+    held: Float[Array, " periods"]
+    divergence: Float[Array, "periods parameters"]
+    growth: Float[Array, " periods"]
+    status: Array
+
+
+Pushed = tuple[Ended, Float[Array, "ways 6"]]
+
+
+def pushed(
+    scenario: Scenario,
+    turned: Scenario,
+    share: Scalar,
+    numbers: Array,
+    before: Array,
+    draws: Array,
+    first: Flag,
+    status: Array,
+    along: tuple[Array, Array, Array],
+) -> Pushed:
+    """A period, and the derivatives of the numbers at its end along some ways.
+
+    Arguments:
+        turned: the derivatives of the scenario along each.
+        along: those of `numbers`, `before` and `draws`.
+    """
+
+    def period(scenario: Scenario, numbers: Array, before: Array, draws: Array) -> Any:
+        ended = after_period(scenario, share, numbers, before, draws, first, status)
+        return ended.numbers, ended
+
+    def one(turned: Scenario, *along: Array) -> tuple[Ended, Array]:
+        at = scenario, numbers, before, draws
+        _, slope, ended = jax.jvp(period, at, (turned, *along), has_aux=True)
+        return ended, slope
+
+    return jax.vmap(one, out_axes=(None, 0))(turned, *along)
+
+
+def trial(
+    scenario: Scenario,
+    turned: Scenario,
+    share: float,
+    periods: int,
+    kappa: float | None,
+    seed: Array,
+    number: Array,
+) -> Trial:
+    """One trial to the end, with its derivatives.
+
+    Arguments:
+        turned: the scenario's derivatives, with the parameters as each leaf's first axis.
+        share: half width of the goal's layer, in depths of the channel.
+        kappa: what v spares; None for no warp.
+    """
+    key = trial_key(seed, number)
+    count = jax.tree.leaves(turned)[0].shape[0]
+
+    def begun(scenario: Scenario) -> Array:
+        state = begin(scenario, start_draws(key, scenario.draws_for_start))
+        at, speed = state.position, state.velocity
+        none = jnp.zeros_like(at.x)
+        return jnp.stack([at.x, at.y, none + speed.x, none + speed.y, none + NOWHERE, none])
+
+    numbers, slopes = jax.vmap(
+        lambda way: jax.jvp(begun, (scenario,), (way,)), out_axes=(None, 0)
+    )(turned)
+    alone = jnp.zeros((count, 2))
+    layer = Layer.of(scenario.hand.channel(), share)
+    scale = jnp.array([PLACE, PLACE, SPEED, SPEED])
+
+    def plain(carry: Any, period: Array) -> tuple[Any, Any]:
+        numbers, slopes, before, moved, status = carry
+        draws = period_draws(key, period, 2).astype(float)
+        along = slopes, moved, alone
+        ended, after = pushed(
+            scenario, turned, share, numbers, before, draws, period == 0, status, along
+        )
+        return (ended, after, draws, alone, alone[:, 0])
+
+    def warped(carry: Any, period: Array) -> tuple[Any, Any]:
+        numbers, slopes, before, moved, status = carry
+        drawn = period_draws(key, period, 2).astype(float)
+        sign = jnp.where(period_draws(key, -1 - period, 2) < 0.5, -1.0, 1.0)
+        more = [jnp.concatenate([leaf, jnp.zeros((2, *leaf.shape[1:]))]) for leaf in (slopes, moved)]
+        along = *more, jnp.concatenate([alone, jnp.eye(2)])
+        still = jax.tree.map(
+            lambda leaf: jnp.concatenate([leaf, jnp.zeros((2, *leaf.shape[1:]))]), turned
+        )
+
+        def field(draws: Array) -> tuple[Array, Ended, Array]:
+            ended, ways = pushed(
+                scenario, still, share, numbers, before, draws, period == 0, status, along
+            )
+            gains, places = ways[count:, X] / scale, ways[:count, X] / scale
+            square = gains @ gains.T + kappa**2 * jnp.eye(2)
+            # b, and 0 towards the end of a trial, so that v does not jump there.
+            edge = jnp.minimum(draws, 1.0 - draws)
+            fades = jnp.prod(jnp.clip((edge - SHIFT) / EDGE, 0.0, 1.0))
+            fades = fades * relaxed_survival(ended.numbers[PEAK], layer.width)
+            v = -fades * jnp.linalg.solve(square, gains @ places.T).T
+            return v, ended, ways[:count] + v @ ways[count:]
+
+        points = drawn + jnp.concatenate([jnp.zeros((1, 2)), SHIFT * jnp.diag(sign)])
+        fields, ended, after = jax.vmap(field)(points)
+        change = sum((fields[1 + k, :, k] - fields[0, :, k]) * sign[k] / SHIFT for k in (0, 1))
+        ended, after = jax.tree.map(lambda leaf: leaf[0], (ended, after))
+        return ended, after, drawn, fields[0], change
+
+    def one(carry: Any, period: Array) -> tuple[Any, Any]:
+        numbers, *_, status = carry
+        step = plain if kappa is None else warped
+        ended, after, draws, moved, change = step(carry, period)
+        running = status == RUNNING
+        after = jnp.where(running, after, carry[1])
+        going = ended.status == RUNNING
+        growth = jnp.where(going, jnp.max(jnp.abs(after[:, :2])), jnp.nan)
+        change = jnp.where(running, change, 0.0)
+        kept = numbers[HELD], change, growth
+        return (ended.numbers, after, draws, jnp.where(running, moved, 0.0), ended.status), kept
+
+    level = jnp.full(2, 0.5)
+    begin_with = numbers, slopes, level, alone, jnp.int32(RUNNING)
+    carry, kept = jax.lax.scan(one, begin_with, jnp.arange(periods))
+    return Trial(carry[0], carry[1], *kept, carry[4])
+
+
+@dataclass(frozen=True)
+class Along(Estimator):
+    """Derivatives along the engine's leaps.
+
+    Arguments:
+        kappa: of the warped draws; None for saltation alone.
+        block: trials in one call.
+    """
+
+    kappa: float | None = None
+    block: int = 128
+
+    def __call__(
+        self, surrogate: Surrogate, space: DesignSpace, designs: Designs, seed: int
+    ) -> list[Gradient]:
+        """The gradients at some designs."""
+        return [self.at(surrogate, space, design, seed)[0] for design in designs]
+
+    def at(
+        self, surrogate: Surrogate, space: DesignSpace, design: Design, seed: int
+    ) -> tuple[Gradient, Float[np.ndarray, "runs trials periods"]]:
+        """The gradient at a design, and how the derivatives grew."""
+        began = time.perf_counter()
+
+        def scenarios(at: Array) -> Scenario:
+            each = surrogate.task.scenarios(space.hand(at))
+            return jax.tree.map(lambda *leaves: jnp.stack(leaves).astype(float), *each)
+
+        at = jnp.asarray(design, float)
+        both, turned = jax.vmap(
+            lambda way: jax.jvp(scenarios, (at,), (way,)), out_axes=(None, 0)
+        )(jnp.diag(jnp.asarray(space.scales)))
+        runs: list[Trial] = []
+        for which in range(len(surrogate.task.directions)):
+            mine = jax.tree.map(lambda leaf: leaf[which], both)  # noqa: B023
+            its = jax.tree.map(lambda leaf: leaf[:, which], turned)  # noqa: B023
+            parts = [
+                _program(surrogate.periods, self.kappa)(
+                    mine, its, surrogate.goal_layer, jnp.uint32(seed), first + jnp.arange(self.block)
+                )
+                for first in range(0, surrogate.trials, self.block)
+            ]
+            runs.append(jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts))
+        values = np.stack([run.numbers[:, HELD] for run in runs])
+        slopes = np.stack([_weighed(run) for run in runs]) / space.scales
+        good = np.stack([run.status != INVALID for run in runs]) & np.isfinite(slopes).all(-1)
+        good = good.all(axis=0)
+        values, slopes = values[:, good], slopes[:, good]
+        means = np.stack([values.mean(axis=-1), 0.5 + 0 * values[:, 0]], axis=-1)
+        (value,), (weights,) = surrogate.judge(means[None])
+        own = weights[:, 0, None, None] * np.swapaxes(slopes, 1, 2)
+        deviations = weights[:, 0, None] * (values - means[:, :1])
+        centred = own - own.mean(axis=-1, keepdims=True)
+        found = gradient_from(
+            surrogate,
+            np.concatenate([value[:, None], own.mean(axis=-1)], axis=1),
+            np.concatenate([deviations[:, None], centred], axis=1),
+            trials=surrogate.trials * len(runs),
+            seconds=time.perf_counter() - began,
+            invalid=int(np.sum(~good)),
+        )
+        return found, np.stack([run.growth for run in runs])
+
+
+_programs: dict[Any, Callable[..., Trial]] = {}
+
+
+def _program(periods: int, kappa: float | None) -> Callable[..., Trial]:
+    """Trials of one scenario, compiled."""
+    if (periods, kappa is None) not in _programs:
+
+        def run(
+            kappa: float | None, scenario: Any, turned: Any, share: Any, seed: Any, numbers: Array
+        ) -> Trial:
+            one = lambda number: trial(scenario, turned, share, periods, kappa, seed, number)
+            return jax.vmap(one)(numbers)
+
+        _programs[periods, kappa is None] = jax.jit(
+            run, compiler_options=OPTIONS, static_argnums=(0,) if kappa is None else ()
+        )
+    program = _programs[periods, kappa is None]
+    return lambda *arguments: program(kappa, *arguments)
+
+
+def _weighed(run: Trial) -> Float[np.ndarray, "trials parameters"]:
+    """Each trial's derivative of the seconds held, the change of its draws' density included.
+
+    div v of a period counts for what comes after its start, less the mean of that over the trials
+    that have come so far.
+    """
+    rest = run.numbers[:, HELD, None] - run.held
+    under_way = rest > 0
+    mean = np.sum(rest, axis=0) / np.maximum(np.sum(under_way, axis=0), 1)
+    return run.slopes[:, :, HELD] + np.einsum(
+        "nm,nmp->np", np.where(under_way, rest - mean, 0.0), run.divergence
+    )
