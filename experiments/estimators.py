@@ -8,21 +8,24 @@ the derivative is kept, makes up for it. At an impact that is the saltation matr
 *Warped draws*: a generalised likelihood ratio. In each period the draws u of the tilt's targets
 move with the parameter by a field v(u) that takes the growth out of the derivative,
 
-    v = -b(u) (J J' + kappa^2)^-1 J t,
+    v = -b (b J J' b + kappa^2)^-1 b J t,
 
-with t the derivative of the state at the period's end, J that with respect to u, and b 0 near the
-edges of the square. What is left of t goes on, and the density's change counts: E[f div v]. Where
-the draws do not move the state, as in a corner, v is 0. div v is a difference over `SHIFT`, since
-v jumps where an impact falls on a period's end.
+with t the derivative of the state at the period's end, J that with respect to u, and b(u) 0 near
+the edges of the square. What is left of t goes on, and the density's change counts: E[f div v].
+Where the draws do not move the state, as in a corner, v is 0. div v is a difference over `SHIFT`,
+since v jumps where an impact falls on a period's end.
 
-Keeps `results/estimators.csv`, `results/growth.csv` and draws `results/estimators.png`.
+With `--lines`: whether a boundary term has anything to catch. Along a line in a period's draws, is
+there a place where the period's end jumps?
+
+Keeps `results/estimators.csv`, `results/growth.csv` and, with `--lines`, `results/lines.csv`; draws
+`results/estimators.png`.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
-import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -36,6 +39,7 @@ from jaxtyping import Array, Float
 from matplotlib.figure import Figure
 
 from experiments.gradients import EIGHT, agreement, groups, rows_of
+from pcjax.compiling import quick_options
 from pcjax.design.estimator import Designs, Estimator, Gradient, gradient_from
 from pcjax.design.gradients import Differences
 from pcjax.design.space import Design, DesignSpace
@@ -63,8 +67,14 @@ DRIFT, BUDGET = 4e-4, 2_000
 SLOWEST = 0.02
 """Share of the resting speed below which what touches a limb is not taken for an impact."""
 
+SIGNS = 1 << 30
+"""What tells the draws of the signs of shifts from those of the targets."""
+
 SHIFT, EDGE = 0.03, 0.05
-"""Half the length over which div v is taken, and the width over which v goes to 0 at an edge."""
+"""Over how much, up or down by chance, div v is taken; how wide v goes to 0 at an edge."""
+
+MOST = 0.3
+"""The longest v, for a parameter's scale."""
 
 PLACE, SPEED = 50.0, 20.0
 """What counts as alike in v: lengths, and lengths / s."""
@@ -127,7 +137,7 @@ def leapt(world: World, swing: Swing, longest: Scalar, flight: Flight) -> Flight
     support = leaping.settle(world, contacts, flight, pull, turning, most, barrier)
     whole = after.time >= change
     wait = jnp.where(whole, left, jax.lax.stop_gradient(after.time - flight.time))
-    position, velocity = leaping._move(support, radius, pull, wait)  # noqa: SLF001
+    position, velocity = leaping._move(support, radius, pull, wait)
     moves = (flight.status == RUNNING) & (flight.time < swing.until)
     reached = Flight(
         where(moves, position, flight.position),
@@ -271,6 +281,14 @@ def pushed(
     return jax.vmap(one, out_axes=(None, 0))(turned, *along)
 
 
+def started(scenario: Scenario, key: Array) -> Float[Array, "6"]:
+    """A trial's numbers at its start."""
+    state = begin(scenario, start_draws(key, scenario.draws_for_start))
+    none = 0.0 * state.position.x
+    at, speed = state.position, state.velocity
+    return jnp.stack([at.x, at.y, none + speed.x, none + speed.y, none + NOWHERE, none])
+
+
 def trial(
     scenario: Scenario,
     turned: Scenario,
@@ -290,14 +308,8 @@ def trial(
     key = trial_key(seed, number)
     count = jax.tree.leaves(turned)[0].shape[0]
 
-    def begun(scenario: Scenario) -> Array:
-        state = begin(scenario, start_draws(key, scenario.draws_for_start))
-        at, speed = state.position, state.velocity
-        none = jnp.zeros_like(at.x)
-        return jnp.stack([at.x, at.y, none + speed.x, none + speed.y, none + NOWHERE, none])
-
     numbers, slopes = jax.vmap(
-        lambda way: jax.jvp(begun, (scenario,), (way,)), out_axes=(None, 0)
+        lambda way: jax.jvp(lambda one: started(one, key), (scenario,), (way,)), out_axes=(None, 0)
     )(turned)
     alone = jnp.zeros((count, 2))
     layer = Layer.of(scenario.hand.channel(), share)
@@ -315,24 +327,27 @@ def trial(
     def warped(carry: Any, period: Array) -> tuple[Any, Any]:
         numbers, slopes, before, moved, status = carry
         drawn = period_draws(key, period, 2).astype(float)
-        sign = jnp.where(period_draws(key, -1 - period, 2) < 0.5, -1.0, 1.0)
-        more = [jnp.concatenate([leaf, jnp.zeros((2, *leaf.shape[1:]))]) for leaf in (slopes, moved)]
-        along = *more, jnp.concatenate([alone, jnp.eye(2)])
-        still = jax.tree.map(
-            lambda leaf: jnp.concatenate([leaf, jnp.zeros((2, *leaf.shape[1:]))]), turned
+        sign = jnp.where(period_draws(key, SIGNS + period, 2) < 0.5, -1.0, 1.0)
+        # Two ways more, along which the draws alone move.
+        still, *more = jax.tree.map(
+            lambda leaf: jnp.concatenate([leaf, jnp.zeros((2, *leaf.shape[1:]))]),
+            (turned, slopes, moved),
         )
+        along = more[0], more[1], jnp.concatenate([alone, jnp.eye(2)])
 
         def field(draws: Array) -> tuple[Array, Ended, Array]:
             ended, ways = pushed(
                 scenario, still, share, numbers, before, draws, period == 0, status, along
             )
             gains, places = ways[count:, X] / scale, ways[:count, X] / scale
-            square = gains @ gains.T + kappa**2 * jnp.eye(2)
             # b, and 0 towards the end of a trial, so that v does not jump there.
             edge = jnp.minimum(draws, 1.0 - draws)
-            fades = jnp.prod(jnp.clip((edge - SHIFT) / EDGE, 0.0, 1.0))
+            fades = jnp.clip((edge - SHIFT) / EDGE, 0.0, 1.0)
             fades = fades * relaxed_survival(ended.numbers[PEAK], layer.width)
+            gains = gains * fades[:, None]
+            square = gains @ gains.T + kappa**2 * jnp.eye(2)
             v = -fades * jnp.linalg.solve(square, gains @ places.T).T
+            v = v / jnp.sqrt(1.0 + jnp.sum(v * v, axis=1, keepdims=True) / MOST**2)
             return v, ended, ways[:count] + v @ ways[count:]
 
         points = drawn + jnp.concatenate([jnp.zeros((1, 2)), SHIFT * jnp.diag(sign)])
@@ -381,6 +396,12 @@ class Along(Estimator):
         self, surrogate: Surrogate, space: DesignSpace, design: Design, seed: int
     ) -> tuple[Gradient, Float[np.ndarray, "runs trials periods"]]:
         """The gradient at a design, and how the derivatives grew."""
+        with jax.enable_x64(True):
+            return self._at(surrogate, space, design, seed)
+
+    def _at(
+        self, surrogate: Surrogate, space: DesignSpace, design: Design, seed: int
+    ) -> tuple[Gradient, Float[np.ndarray, "runs trials periods"]]:
         began = time.perf_counter()
 
         def scenarios(at: Array) -> Scenario:
@@ -388,17 +409,17 @@ class Along(Estimator):
             return jax.tree.map(lambda *leaves: jnp.stack(leaves).astype(float), *each)
 
         at = jnp.asarray(design, float)
-        both, turned = jax.vmap(
-            lambda way: jax.jvp(scenarios, (at,), (way,)), out_axes=(None, 0)
-        )(jnp.diag(jnp.asarray(space.scales)))
+        both, turned = jax.vmap(lambda way: jax.jvp(scenarios, (at,), (way,)), out_axes=(None, 0))(
+            jnp.diag(jnp.asarray(space.scales))
+        )
         runs: list[Trial] = []
+        numbers = jnp.arange(self.block)
         for which in range(len(surrogate.task.directions)):
             mine = jax.tree.map(lambda leaf: leaf[which], both)  # noqa: B023
             its = jax.tree.map(lambda leaf: leaf[:, which], turned)  # noqa: B023
+            program = _program(surrogate.periods, self.kappa)
             parts = [
-                _program(surrogate.periods, self.kappa)(
-                    mine, its, surrogate.goal_layer, jnp.uint32(seed), first + jnp.arange(self.block)
-                )
+                program(mine, its, surrogate.goal_layer, jnp.uint32(seed), first + numbers)
                 for first in range(0, surrogate.trials, self.block)
             ]
             runs.append(jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts))
@@ -407,7 +428,8 @@ class Along(Estimator):
         good = np.stack([run.status != INVALID for run in runs]) & np.isfinite(slopes).all(-1)
         good = good.all(axis=0)
         values, slopes = values[:, good], slopes[:, good]
-        means = np.stack([values.mean(axis=-1), 0.5 + 0 * values[:, 0]], axis=-1)
+        # Index 1 does not ask who is held to the end.
+        means = np.stack([values.mean(axis=-1), np.full(len(runs), 0.5)], axis=-1)
         (value,), (weights,) = surrogate.judge(means[None])
         own = weights[:, 0, None, None] * np.swapaxes(slopes, 1, 2)
         deviations = weights[:, 0, None] * (values - means[:, :1])
@@ -433,7 +455,9 @@ def _program(periods: int, kappa: float | None) -> Callable[..., Trial]:
         def run(
             kappa: float | None, scenario: Any, turned: Any, share: Any, seed: Any, numbers: Array
         ) -> Trial:
-            one = lambda number: trial(scenario, turned, share, periods, kappa, seed, number)
+            def one(number: Array) -> Trial:
+                return trial(scenario, turned, share, periods, kappa, seed, number)
+
             return jax.vmap(one)(numbers)
 
         _programs[periods, kappa is None] = jax.jit(
@@ -455,3 +479,259 @@ def _weighed(run: Trial) -> Float[np.ndarray, "trials parameters"]:
     return run.slopes[:, :, HELD] + np.einsum(
         "nm,nmp->np", np.where(under_way, rest - mean, 0.0), run.divergence
     )
+
+
+# ------------------------------------------------------------------- what jumps within a period
+
+LINE_PERIODS, POINTS, HALVINGS = 8, 65, 30
+LINES = (("wrist, r = 5", 0), ("wrist, r = 25", 4), ("wrist, r = 50", 1))
+"""Designs whose draws are looked at along lines."""
+
+
+def steepest(
+    scenario: Scenario, share: float, seed: Array, number: Array
+) -> tuple[Flag, Float[Array, " widths"]]:
+    """How far apart a period ends for draws that are close together, where they matter most.
+
+    One draw of one of a trial's first periods takes `POINTS` values; where two neighbours' places
+    at the period's end are farthest apart their interval is halved, and so on.
+
+    Returns:
+        Whether the trial comes so far, and the distances at widths of 1 / 64, 1 / 128, ...
+    """
+    key = trial_key(seed, number)
+    which, axis = number % LINE_PERIODS, (number // LINE_PERIODS) % 2
+
+    def after(numbers: Array, before: Array, draws: Array, period: Array, status: Array) -> Ended:
+        return after_period(scenario, share, numbers, before, draws, period == 0, status)
+
+    def on(carry: Any, period: Array) -> tuple[Any, Any]:
+        draws = period_draws(key, period, 2).astype(float)
+        ended = after(*carry[:2], draws, period, carry[2])
+        return (ended.numbers, draws, ended.status), carry
+
+    begin_with = started(scenario, key), jnp.full(2, 0.5), jnp.int32(RUNNING)
+    _, begun = jax.lax.scan(on, begin_with, jnp.arange(LINE_PERIODS))
+    numbers, before, status = jax.tree.map(lambda leaf: leaf[which], begun)
+    drawn = period_draws(key, which, 2).astype(float)
+
+    def end(value: Array) -> Ended:
+        draws = jnp.where(jnp.arange(2) == axis, value, drawn)
+        return after(numbers, before, draws, which, status)
+
+    def apart(a: Ended, b: Ended) -> Scalar:
+        both = (a.status == RUNNING) & (b.status == RUNNING)
+        return jnp.where(both, jnp.hypot(*(a.numbers - b.numbers)[:2]), 0.0)
+
+    points = jnp.linspace(0.0, 1.0, POINTS)
+    ends = jax.vmap(end)(points)
+    left, right = (
+        jax.tree.map(lambda leaf: leaf[where], (points, ends))  # noqa: B023
+        for where in (slice(0, -1), slice(1, None))
+    )
+    gaps = jax.vmap(apart)(left[1], right[1])
+    farthest = jnp.argmax(gaps)
+
+    def halve(carry: Any, _: None) -> tuple[Any, Scalar]:
+        left, right = carry
+        place = 0.5 * (left[0] + right[0])
+        middle = place, end(place)
+        nearer = apart(left[1], middle[1]) >= apart(middle[1], right[1])
+        carry = where(nearer, (left, middle), (middle, right))
+        return carry, apart(carry[0][1], carry[1][1])
+
+    around = jax.tree.map(lambda leaf: leaf[farthest], (left, right))
+    _, closer = jax.lax.scan(halve, around, length=HALVINGS)
+    return status == RUNNING, jnp.concatenate([gaps[farthest][None], closer])
+
+
+def line_rows(trials: int) -> list[dict]:
+    """How far apart neighbours along a line end, by how close they are in the draw."""
+    program = jax.jit(
+        jax.vmap(steepest, in_axes=(None, None, None, 0)), compiler_options=quick_options()
+    )
+    known, found = {group: rest for group, *rest in groups()}, []
+    for group, k in LINES:
+        surrogate, space, designs = known[group]
+        hand = space.hand(jnp.asarray(designs[k], float))
+        for of, each in zip(("does", "eoen"), surrogate.task.scenarios(hand), strict=True):
+            scenario = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), each)
+            numbers = jnp.arange(trials)
+            runs, gaps = program(scenario, surrogate.goal_layer, jnp.uint32(SEED), numbers)
+            gaps = np.asarray(gaps)[np.asarray(runs)]
+            for j in (0, 4, 10, 20, 30):
+                row = {"group": group, "design": space.describe(designs[k]), "of": of}
+                row |= {"lines": len(gaps), "width": f"{2.0**-j / (POINTS - 1):.2g}"}
+                row |= {"median": f"{np.median(gaps[:, j]):.3g}", "most": f"{gaps[:, j].max():.3g}"}
+                found.append(row | {"above_1": int(np.sum(gaps[:, j] > 1.0))})
+    return found
+
+
+# ------------------------------------------------------------------------------- the comparison
+
+WIDE = 0.8
+"""The goal's layer, as for the other pathwise derivatives."""
+
+ESTIMATORS: dict[str, tuple[Estimator, dict[str, Any]]] = {
+    "differences": (Differences(), {"trials": 8000}),
+    "saltation": (Along(), {"trials": 512, "goal_layer": WIDE}),
+    "warped draws": (Along(10.0), {"trials": 512, "goal_layer": WIDE}),
+}
+CHOSEN = {
+    "wrist, r = 25": (1, 4, 6),
+    "wrist, r = 5": (0, 2),
+    "wrist, r = 50": (1,),
+    EIGHT: (1,),
+}
+"""Which of the designs of `experiments.gradients`."""
+
+QUANTILES = (0.5, 0.9, 0.99, 1.0)
+
+
+def truth_of(group: str, described: str) -> dict[tuple[str, str], tuple[float, float]]:
+    """The exact derivatives of a design and their standard errors, by direction and parameter."""
+    with (RESULTS / "gradients.csv").open(newline="") as file:
+        return {
+            (row["of"], row["parameter"]): (float(row["truth"]), float(row["truth_se"]))
+            for row in csv.DictReader(file)
+            if (row["group"], row["design"]) == (group, described)
+        }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--scale", type=float, default=1.0, help="factor on the trials")
+    parser.add_argument("--lines", action="store_true", help="only what jumps within a period")
+    arguments = parser.parse_args()
+    if arguments.lines:
+        with jax.enable_x64(True):
+            keep("lines.csv", line_rows(max(16, round(256 * arguments.scale))))
+        return
+    rows: list[dict] = []
+    grown: list[dict] = []
+    for group, surrogate, space, designs in groups():
+        for k in CHOSEN.get(group, ()):
+            design, described = designs[k], space.describe(designs[k])
+            truth = truth_of(group, described)
+            for name, (estimator, changes) in ESTIMATORS.items():
+                trials = max(128, round(changes["trials"] * arguments.scale))
+                mine = replace(surrogate, **changes | {"trials": trials})
+                # Compiles what is to be timed.
+                few = replace(mine, trials=trials if name == "differences" else 128)
+                estimator(few, space, [design], SEED + 1)
+                began = time.process_time()
+                if isinstance(estimator, Along):
+                    got, growth = estimator.at(mine, space, design, SEED)
+                    grown += growth_rows(name, group, described, growth)
+                else:
+                    (got,) = estimator(mine, space, [design], SEED)
+                seconds = time.process_time() - began
+                for row in rows_of(name, group, space, design, got, got):
+                    value, error = truth[row["of"], row["parameter"]]
+                    given = {"truth": value, "truth_se": error, "cpu": round(seconds, 2)}
+                    rows.append(row | given)
+                print(f"{group}, {described}: {name}, {seconds:.0f} CPU s", flush=True)
+            keep("estimators.csv", rows)
+            keep("growth.csv", grown)
+    print(table([row for row in rows if row["group"] != EIGHT]))
+    print(table([row for row in rows if row["group"] == EIGHT]))
+    draw(rows, grown).savefig(RESULTS / "estimators.png", dpi=110)
+
+
+def growth_rows(
+    name: str, group: str, described: str, growth: Float[np.ndarray, "runs trials periods"]
+) -> list[dict]:
+    """How large the derivatives of the place are at each period's end, of trials under way."""
+    found = []
+    for which, of in enumerate(("does", "eoen")[: len(growth)]):
+        for period, some in enumerate(growth[which].T):
+            some = some[np.isfinite(some)]
+            if len(some) >= 50:
+                sizes = np.quantile(some, QUANTILES)
+                row = {"estimator": name, "group": group, "design": described, "of": of}
+                row |= {"period": period + 1, "trials": len(some)}
+                found.append(
+                    row | {f"q{q:g}": f"{x:.4g}" for q, x in zip(QUANTILES, sizes, strict=True)}
+                )
+    return found
+
+
+def keep(name: str, rows: list[dict]) -> None:
+    """Writes rows to a CSV file of the results."""
+    with (RESULTS / name).open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def dearness(rows: list[dict], name: str, of: str) -> float:
+    """Squared standard error times processor time, against that of differences: the median."""
+
+    def product(name: str) -> dict[tuple[str, ...], float]:
+        mine = [row for row in rows if (row["estimator"], row["of"]) == (name, of)]
+        return {
+            (row["group"], row["design"], row["parameter"]): row["se"] ** 2 * row["cpu"]
+            for row in mine
+        }
+
+    mine, usual = product(name), product("differences")
+    return float(np.median([mine[key] / usual[key] for key in mine]))
+
+
+def table(rows: list[dict]) -> str:
+    """The estimators' agreement as a Markdown table."""
+    lines = [
+        "| estimator | CPU s / design | d ln DoEs: cosine, slope | d ln EoEn | d ln score "
+        "| right signs | median s.e. per degree | largest trial's share "
+        "| s.e.^2 x time against differences: DoEs, EoEn |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for name in dict.fromkeys(row["estimator"] for row in rows):
+        mine = [row for row in rows if row["estimator"] == name]
+        seconds = {(row["group"], row["design"]): float(row["cpu"]) for row in mine}
+        share = np.median([float(row["largest_share"]) for row in mine])
+        cells = [agreement(rows, name, of) for of in ("does", "eoen", "score")]
+        shown = [f"{cosine:.3f}, {slope:.2f} ± {se:.2f}" for cosine, slope, se, *_ in cells]
+        right, sure = (sum(cell[k] for cell in cells) for k in (3, 4))
+        dear = [f"{dearness(rows, name, of):.3g}" for of in ("does", "eoen")]
+        lines.append(
+            f"| {name} | {np.mean(list(seconds.values())):.1f} | {' | '.join(shown)} "
+            f"| {right}/{sure} | {cells[2][5]:.4f} | {share:.3f} | {', '.join(dear)} |"
+        )
+    return "\n".join(lines)
+
+
+def draw(rows: list[dict], grown: list[dict]) -> Figure:
+    """How the derivatives of the place grow, and each estimator's derivatives against the truth."""
+    figure = Figure(figsize=(13, 4.6), layout="constrained")
+    growing, *others = figure.subplots(1, 3)
+    ways = {"saltation": "-", "warped draws": "--"}
+    for k, group in enumerate(("wrist, r = 5", "wrist, r = 25", "wrist, r = 50")):
+        for name, style in ways.items():
+            mine = [row for row in grown if (row["estimator"], row["group"]) == (name, group)]
+            mine = [row for row in mine if row["of"] == "does"]
+            last = [row for row in mine if row["design"] == mine[-1]["design"]]
+            x, y = ([float(row[key]) for row in last] for key in ("period", "q0.99"))
+            growing.semilogy(x, np.maximum(y, 1.0), style, color=f"C{k}", label=f"{group}: {name}")
+    growing.set(xlabel="period", ylabel="99 % quantile of |dx| [length per 10 deg]")
+    growing.set_title("growth of a trial's derivative, DoEs")
+    growing.legend(fontsize=7)
+    for axis, of in zip(others, ("does", "eoen"), strict=True):
+        for k, name in enumerate(dict.fromkeys(row["estimator"] for row in rows)):
+            mine = [row for row in rows if (row["estimator"], row["of"]) == (name, of)]
+            x, sx, y, sy = (
+                [float(row[key]) for row in mine] for key in ("truth", "truth_se", "value", "se")
+            )
+            axis.errorbar(x, y, sy, sx, fmt="o", ms=3.5, lw=0.7, color=f"C{k + 3}", label=name)
+        reach = 1.2 * max(abs(float(row["truth"])) for row in rows if row["of"] == of)
+        axis.plot([-reach, reach], [-reach, reach], color="0.6", lw=0.8, zorder=0)
+        axis.set(xlim=(-reach, reach), title=f"d ln {of}", xlabel="exact difference")
+        axis.set_yscale("symlog", linthresh=reach)
+        axis.grid(alpha=0.3)
+        axis.legend(fontsize=7)
+    others[0].set_ylabel("estimate [per 10 degrees, per 0.1 L_p]")
+    return figure
+
+
+if __name__ == "__main__":
+    main()
