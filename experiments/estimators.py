@@ -318,7 +318,9 @@ def trial(
     layer = Layer.of(scenario.hand.channel(), share)
     scale = jnp.array([PLACE, PLACE, SPEED, SPEED])
 
-    def plain(carry: Any, period: Array) -> tuple[Any, Any]:
+    spared = 0.0 if kappa is None else kappa**2
+
+    def plain(carry: Any, period: Array) -> tuple[Any, ...]:
         numbers, slopes, before, moved, status = carry
         draws = period_draws(key, period, 2).astype(float)
         along = slopes, moved, alone
@@ -327,7 +329,7 @@ def trial(
         )
         return (ended, after, draws, alone, alone[:, 0])
 
-    def warped(carry: Any, period: Array) -> tuple[Any, Any]:
+    def warped(carry: Any, period: Array) -> tuple[Any, ...]:
         numbers, slopes, before, moved, status = carry
         drawn = period_draws(key, period, 2).astype(float)
         sign = jnp.where(period_draws(key, SIGNS + period, 2) < 0.5, -1.0, 1.0)
@@ -348,7 +350,7 @@ def trial(
             fades = jnp.clip((edge - SHIFT) / EDGE, 0.0, 1.0)
             fades = fades * relaxed_survival(ended.numbers[PEAK], layer.width)
             gains = gains * fades[:, None]
-            square = gains @ gains.T + kappa**2 * jnp.eye(2)
+            square = gains @ gains.T + spared * jnp.eye(2)
             v = -fades * jnp.linalg.solve(square, gains @ places.T).T
             v = v / jnp.sqrt(1.0 + jnp.sum(v * v, axis=1, keepdims=True) / MOST**2)
             return v, ended, ways[:count] + v @ ways[count:]
@@ -373,8 +375,8 @@ def trial(
 
     level = jnp.full(2, 0.5)
     begin_with = numbers, slopes, level, alone, jnp.int32(RUNNING)
-    carry, kept = jax.lax.scan(one, begin_with, jnp.arange(periods))
-    return Trial(carry[0], carry[1], *kept, carry[4])
+    carry, (held, change, growth) = jax.lax.scan(one, begin_with, jnp.arange(periods))
+    return Trial(carry[0], carry[1], held, change, growth, carry[4])
 
 
 @dataclass(frozen=True)
@@ -487,7 +489,7 @@ def _weighed(run: Trial) -> Float[np.ndarray, "trials parameters"]:
 # ------------------------------------------------------------------- what jumps within a period
 
 LINE_PERIODS, POINTS, HALVINGS = 8, 65, 30
-LINES = (("wrist, r = 5", 0), ("wrist, r = 25", 4), ("wrist, r = 50", 1))
+LINES = {"wrist, r = 25": 4, "wrist, r = 5": 0, "wrist, r = 50": 1}
 """Designs whose draws are looked at along lines."""
 
 
@@ -509,8 +511,9 @@ def steepest(
         return after_period(scenario, share, numbers, before, draws, period == 0, status)
 
     def on(carry: Any, period: Array) -> tuple[Any, Any]:
+        numbers, before, status = carry
         draws = period_draws(key, period, 2).astype(float)
-        ended = after(*carry[:2], draws, period, carry[2])
+        ended = after(numbers, before, draws, period, status)
         return (ended.numbers, draws, ended.status), carry
 
     begin_with = started(scenario, key), jnp.full(2, 0.5), jnp.int32(RUNNING)
@@ -532,7 +535,7 @@ def steepest(
         jax.tree.map(lambda leaf: leaf[where], (points, ends))  # noqa: B023
         for where in (slice(0, -1), slice(1, None))
     )
-    gaps = jax.vmap(apart)(left[1], right[1])
+    gaps: Any = jax.vmap(apart)(left[1], right[1])
     farthest = jnp.argmax(gaps)
 
     def halve(carry: Any, _: None) -> tuple[Any, Scalar]:
@@ -540,8 +543,8 @@ def steepest(
         place = 0.5 * (left[0] + right[0])
         middle = place, end(place)
         nearer = apart(left[1], middle[1]) >= apart(middle[1], right[1])
-        carry = where(nearer, (left, middle), (middle, right))
-        return carry, apart(carry[0][1], carry[1][1])
+        left, right = where(nearer, (left, middle), (middle, right))
+        return (left, right), apart(left[1], right[1])
 
     around = jax.tree.map(lambda leaf: leaf[farthest], (left, right))
     _, closer = jax.lax.scan(halve, around, length=HALVINGS)
@@ -553,17 +556,19 @@ def line_rows(trials: int) -> list[dict]:
     program = jax.jit(
         jax.vmap(steepest, in_axes=(None, None, None, 0)), compiler_options=quick_options()
     )
-    known, found = {group: rest for group, *rest in groups()}, []
-    for group, k in LINES:
-        surrogate, space, designs = known[group]
-        hand = space.hand(jnp.asarray(designs[k], float))
+    found = []
+    for group, surrogate, space, designs in groups():
+        if group not in LINES:
+            continue
+        design = designs[LINES[group]]
+        hand = space.hand(jnp.asarray(design, float))
         for of, each in zip(("does", "eoen"), surrogate.task.scenarios(hand), strict=True):
             scenario = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), each)
             numbers = jnp.arange(trials)
             runs, gaps = program(scenario, surrogate.goal_layer, jnp.uint32(SEED), numbers)
             gaps = np.asarray(gaps)[np.asarray(runs)]
             for j in (0, 4, 10, 20, 30):
-                row = {"group": group, "design": space.describe(designs[k]), "of": of}
+                row = {"group": group, "design": space.describe(design), "of": of}
                 row |= {"lines": len(gaps), "width": f"{2.0**-j / (POINTS - 1):.2g}"}
                 row |= {"median": f"{np.median(gaps[:, j]):.3g}", "most": f"{gaps[:, j].max():.3g}"}
                 found.append(row | {"above_1": int(np.sum(gaps[:, j] > 1.0))})
@@ -601,7 +606,7 @@ def truth_of(group: str, described: str) -> dict[tuple[str, str], tuple[float, f
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scale", type=float, default=1.0, help="factor on the trials")
     parser.add_argument("--lines", action="store_true", help="only what jumps within a period")
     arguments = parser.parse_args()

@@ -113,7 +113,8 @@ def test_moving_draws_with_their_density_changes_no_mean() -> None:
     numbers = np.stack([none] * 5 + [u**2], axis=1)
     slopes = np.zeros((len(u), 1, 6))
     slopes[:, 0, 5] = 2 * u * v
-    run: Any = Run(numbers, slopes, none[:, None], change[:, None, None], none[:, None], none)
+    some: Any = numbers, slopes, none[:, None], change[:, None, None], none[:, None], none
+    run = Run(*some)
     assert np.mean(_weighed(run)) == pytest.approx(0.0, abs=1e-8)
 
 
