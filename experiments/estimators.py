@@ -736,19 +736,21 @@ def draw(rows: list[dict], grown: list[dict]) -> Figure:
     growing.set(xlabel="period", ylabel="99 % quantile of |dx| [length per 10 deg]")
     growing.set_title("growth of a trial's derivative, DoEs")
     growing.legend(fontsize=7)
-    for axis, of in zip(others, ("does", "eoen"), strict=True):
-        for k, name in enumerate(dict.fromkeys(row["estimator"] for row in rows)):
-            mine = [row for row in rows if (row["estimator"], row["of"]) == (name, of)]
-            x, sx, y, sy = (
-                [float(row[key]) for row in mine] for key in ("truth", "truth_se", "value", "se")
+    two = [row for row in rows if row["group"] != EIGHT]
+    for axis, of, title in zip(others, ("does", "eoen"), ("DoEs", "EoEn"), strict=True):
+        for k, name in enumerate(dict.fromkeys(row["estimator"] for row in two)):
+            mine = [row for row in two if (row["estimator"], row["of"]) == (name, of)]
+            x, y, error = (
+                np.array([float(row[key]) for row in mine]) for key in ("truth", "value", "se")
             )
-            axis.errorbar(x, y, sy, sx, fmt="o", ms=3.5, lw=0.7, color=f"C{k + 3}", label=name)
-        reach = 1.2 * max(abs(float(row["truth"])) for row in rows if row["of"] == of)
-        axis.plot([-reach, reach], [-reach, reach], color="0.6", lw=0.8, zorder=0)
-        axis.set(xlim=(-reach, reach), title=f"d ln {of}", xlabel="exact difference")
-        axis.set_yscale("symlog", linthresh=reach)
+            # Beside each other.
+            x, color = x + 0.003 * (k - 1), f"C{k + 2}"
+            axis.errorbar(x, y, error, fmt="o", ms=3.5, lw=0.8, color=color, label=name)
+        reach = 1.1 * max(float(row["truth"]) for row in two if row["of"] == of)
+        axis.plot([0, reach], [0, reach], color="0.6", lw=0.8, zorder=0)
+        axis.set(title=f"d ln {title}, two parameters", xlabel="exact difference")
         axis.grid(alpha=0.3)
-        axis.legend(fontsize=7)
+        axis.legend(fontsize=7, loc="lower left" if of == "does" else "upper left")
     others[0].set_ylabel("estimate [per 10 degrees, per 0.1 L_p]")
     return figure
 
