@@ -29,6 +29,7 @@ import csv
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -486,23 +487,33 @@ def _weighed(run: Trial) -> Float[np.ndarray, "trials parameters"]:
     )
 
 
+WIDE = 0.8
+"""The goal's layer, as for the other pathwise derivatives."""
+
+
 # ------------------------------------------------------------------- what jumps within a period
 
 LINE_PERIODS, POINTS, HALVINGS = 8, 65, 30
-LINES = {"wrist, r = 25": 4, "wrist, r = 5": 0, "wrist, r = 50": 1}
+LINES = {"wrist, r = 25": (4, 6), "wrist, r = 5": (0, 2)}
 """Designs whose draws are looked at along lines."""
+
+JUMPS = {"place": 1.0, "seconds held": 0.1}
+"""What counts as a jump between neighbours: a length, and seconds."""
 
 
 def steepest(
-    scenario: Scenario, share: float, seed: Array, number: Array
+    scenario: Scenario, share: float, seed: Array, number: Array, what: str
 ) -> tuple[Flag, Float[Array, " widths"]]:
     """How far apart a period ends for draws that are close together, where they matter most.
 
-    One draw of one of a trial's first periods takes `POINTS` values; where two neighbours' places
-    at the period's end are farthest apart their interval is halved, and so on.
+    One draw of one of a trial's first periods takes `POINTS` values; where two neighbours' ends of
+    the period are farthest apart their interval is halved, and so on.
+
+    Arguments:
+        what: one of `JUMPS`, by which ends are compared.
 
     Returns:
-        Whether the trial comes so far, and the distances at widths of 1 / 64, 1 / 128, ...
+        Whether the trial comes so far, and how far apart they are at widths of 1 / 64, 1 / 128, ...
     """
     key = trial_key(seed, number)
     which, axis = number % LINE_PERIODS, (number // LINE_PERIODS) % 2
@@ -526,6 +537,8 @@ def steepest(
         return after(numbers, before, draws, which, status)
 
     def apart(a: Ended, b: Ended) -> Scalar:
+        if what == "seconds held":
+            return jnp.abs(a.numbers[HELD] - b.numbers[HELD])
         both = (a.status == RUNNING) & (b.status == RUNNING)
         return jnp.where(both, jnp.hypot(*(a.numbers - b.numbers)[:2]), 0.0)
 
@@ -552,33 +565,33 @@ def steepest(
 
 
 def line_rows(trials: int) -> list[dict]:
-    """How far apart neighbours along a line end, by how close they are in the draw."""
-    program = jax.jit(
-        jax.vmap(steepest, in_axes=(None, None, None, 0)), compiler_options=quick_options()
-    )
+    """How far apart neighbours along a line end, by how close they are in the draw; in how many
+    lines that is a jump if it stays so."""
     found = []
-    for group, surrogate, space, designs in groups():
-        if group not in LINES:
-            continue
-        design = designs[LINES[group]]
-        hand = space.hand(jnp.asarray(design, float))
-        for of, each in zip(("does", "eoen"), surrogate.task.scenarios(hand), strict=True):
-            scenario = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), each)
-            numbers = jnp.arange(trials)
-            runs, gaps = program(scenario, surrogate.goal_layer, jnp.uint32(SEED), numbers)
-            gaps = np.asarray(gaps)[np.asarray(runs)]
-            for j in (0, 4, 10, 20, 30):
-                row = {"group": group, "design": space.describe(design), "of": of}
-                row |= {"lines": len(gaps), "width": f"{2.0**-j / (POINTS - 1):.2g}"}
-                row |= {"median": f"{np.median(gaps[:, j]):.3g}", "most": f"{gaps[:, j].max():.3g}"}
-                found.append(row | {"above_1": int(np.sum(gaps[:, j] > 1.0))})
+    numbers, seed = jnp.arange(trials), jnp.uint32(SEED)
+    for what, threshold in JUMPS.items():
+        along = partial(steepest, what=what)
+        program = jax.jit(
+            jax.vmap(along, in_axes=(None, None, None, 0)), compiler_options=quick_options()
+        )
+        for group, surrogate, space, designs in groups():
+            for design in (designs[k] for k in LINES.get(group, ())):
+                each = surrogate.task.scenarios(space.hand(jnp.asarray(design, float)))
+                for of, one in zip(("does", "eoen"), each, strict=True):
+                    scenario = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), one)
+                    runs, gaps = program(scenario, WIDE, seed, numbers)
+                    gaps = np.asarray(gaps)[np.asarray(runs)]
+                    for j in (0, 4, 10, 20, 30):
+                        row = {"what": what, "group": group, "design": space.describe(design)}
+                        row |= {"of": of, "lines": len(gaps)}
+                        row |= {"width": f"{2.0**-j / (POINTS - 1):.2g}"}
+                        row |= {"median": f"{np.median(gaps[:, j]):.3g}"}
+                        row |= {"most": f"{gaps[:, j].max():.3g}"}
+                        found.append(row | {"above": int(np.sum(gaps[:, j] > threshold))})
     return found
 
 
 # ------------------------------------------------------------------------------- the comparison
-
-WIDE = 0.8
-"""The goal's layer, as for the other pathwise derivatives."""
 
 ESTIMATORS: dict[str, tuple[Estimator, dict[str, Any]]] = {
     "differences": (Differences(), {"trials": 8000}),
