@@ -746,8 +746,8 @@ def draw(rows: list[dict], grown: list[dict]) -> Figure:
             last = [row for row in mine if row["design"] == mine[-1]["design"]]
             x, y = ([float(row[key]) for row in last] for key in ("period", "q0.99"))
             growing.semilogy(x, np.maximum(y, 1.0), style, color=f"C{k}", label=f"{group}: {name}")
-    growing.set(xlabel="period", ylabel="99 % quantile of |dx| [length per 10 deg]")
-    growing.set_title("growth of a trial's derivative, DoEs")
+    growing.set(xlabel="period", ylabel="99 % quantile of |dx| [per 10 deg or 0.1 L_p]")
+    growing.set_title("growth of a trial's derivative, DoEs, turned fingertips")
     growing.legend(fontsize=7)
     two = [row for row in rows if row["group"] != EIGHT]
     for axis, of, title in zip(others, ("does", "eoen"), ("DoEs", "EoEn"), strict=True):
