@@ -12,16 +12,9 @@ import numpy as np
 import pytest
 
 import pcjax
-from experiments.estimators import (
-    PEAK,
-    X,
-    _weighed,
-    dearness,
-    growth_rows,
-    pushed,
-    started,
-)
 from experiments.estimators import Trial as Run
+from experiments.estimators import _weighed, dearness, growth_rows, pushed
+from experiments.trajectories import PEAK, X, started
 from pcjax.compiling import quick_options
 from pcjax.model.scenario import Scenario
 from pcjax.physics.state import RUNNING
