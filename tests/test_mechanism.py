@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,7 @@ from pcjax.physics.state import PASSED
 from pcjax.simulate.batch import run
 from pcjax.simulate.choose import choose_engine
 from pcjax.simulate.outcomes import LIMIT
+from tests.shown import ROOT
 
 pytestmark = pytest.mark.usefixtures("quick_programs")
 
@@ -159,3 +161,24 @@ def test_a_rate_without_periods_is_not_known() -> None:
     assert rate("round", 0, 0)["round_rate"] == ""
     known = rate("round", 5, 100)
     assert float(known["round_low"]) < float(known["round_rate"]) < float(known["round_high"])
+
+
+def test_numbers_of_the_page_are_those_of_the_data() -> None:
+    rows = mechanism.kept(mechanism.RESULTS / "mechanism.csv")
+    page = (ROOT / "docs" / "why.md").read_text(encoding="utf-8")
+    header = r"^\| \| \| ((?:\d+ deg \| )+\d+ deg) \|$"
+    angles = [int(a) for a in re.findall(r"\d+", re.findall(header, page, re.MULTILINE)[0])]
+    shown = re.findall(r"^\| ([a-z]+(?: 98)?) \| (0\.\d) L_p \| (.+) \|$", page, re.MULTILINE)
+    assert len(shown) == 6
+    for reading, gap_width, cells in shown:
+        every = picked(rows, reading, float(gap_width), "all")
+        known = {int(row["angle_deg"]): row for row in every}
+        told = [tuple(map(float, cell.split(", "))) for cell in cells.split(" | ")]
+        found = [
+            tuple(float(known[angle][f"{way}_rate"]) for way in ("round", "straight"))
+            for angle in angles
+        ]
+        np.testing.assert_allclose(told, found, atol=6e-5)
+    for reading in ("literal", "rubbing", "rolling", "gravity 98", "friction 0.2", "friction 0.5"):
+        for gap_width in mechanism.GAP_WIDTHS:
+            assert picked(rows, reading, gap_width, "all")[0]["peak_deg"] in page
