@@ -21,16 +21,19 @@ _THIN = {"thickness": 0.0}
 def upgraded(data: xr.Dataset) -> xr.Dataset:
     """A dataset of any version in the form of this one; what is no result stays as it is."""
     if data.attrs.get("kind") == "evaluation":
-        attrs = _THIN | data.attrs
-        if "object_width" in attrs:
-            attrs.setdefault("least_passage", attrs["object_width"])
-        return data.assign_attrs(attrs)
+        return data.assign_attrs(_complete(data.attrs))
     kind = None if "kind" in data.attrs else _kind_of(data)
     if kind is None:
         return data
     data = _UPGRADES[kind](data)
     parts = dict.fromkeys(("hand", "body", "drive", "law"), _NOT_KEPT)
     return data.assign_attrs(parts | {"parameters": "{}"} | data.attrs | {"kind": kind})
+
+
+def _complete(attrs: dict[str, Any]) -> dict[str, Any]:
+    """An evaluation's attributes with those that came later."""
+    known = {"least_passage": attrs["object_width"]} if "object_width" in attrs else {}
+    return _THIN | known | attrs
 
 
 def _kind_of(data: xr.Dataset) -> KindName | None:
@@ -49,10 +52,8 @@ def _evaluation(data: xr.Dataset) -> xr.Dataset:
     attrs = dict(data.attrs)
     radius, angle = (float(attrs.get(name, math.nan)) for name in ("radius", "orientation"))
     attrs.setdefault("object_width", attrs.pop("width", 2 * radius))
-    attrs.setdefault("least_passage", attrs["object_width"])
     attrs.setdefault("trials", data.sizes["trial"])
-    attrs |= _THIN
-    data = _with_attrs(data, attrs)
+    data = _with_attrs(data, _complete(attrs))
     if "outline" in data:
         return data
     corners, rounding = np.zeros((1, 2)), radius

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pcjax.components import Component, Registry, quantity
-from pcjax.geometry import Scalar, Vec, segment_between
+from pcjax.geometry import Scalar, Vec
 
 BODIES: Registry[Body] = Registry(
     "body",
@@ -161,10 +161,12 @@ class Body(Component, _Sized):
     def inner_radius(self) -> float:
         """Of the largest circle about its centre that is within it, for plain numbers."""
         corners, rounding = self.outline()
-        edges = list(zip(corners, [*corners[1:], corners[0]], strict=True))
-        enclosed = len(corners) > 2
-        reach = [segment_between(a, b).distance(Vec(0.0, 0.0)) for a, b in edges if enclosed]
-        return float(min(reach, default=0.0)) + float(rounding)
+        if len(corners) <= 2:
+            return float(rounding)
+        at = np.array([[float(corner.x), float(corner.y)] for corner in corners])
+        along = np.roll(at, -1, axis=0) - at
+        share = np.clip(-(at * along).sum(axis=1) / (along * along).sum(axis=1), 0, 1)
+        return float(np.hypot(*(at + share[:, None] * along).T).min()) + float(rounding)
 
 
 def placed_outline(
