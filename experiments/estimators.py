@@ -22,7 +22,6 @@ Keeps `results/estimators.csv`, `results/growth.csv` and, with `--lines`, `resul
 from __future__ import annotations
 
 import argparse
-import csv
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -36,7 +35,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from matplotlib.figure import Figure
 
-from experiments.gradients import EIGHT, agreement, groups, rows_of
+from experiments.gradients import EIGHT, cells_of, groups, rows_of
+from experiments.readings import kept, save
 from experiments.trajectories import HELD, PEAK, Ended, X, after_period, started
 from pcjax.compiling import quick_options
 from pcjax.design.estimator import Designs, Estimator, Gradient, gradient_from
@@ -444,12 +444,11 @@ QUANTILES = (0.5, 0.9, 0.99, 1.0)
 
 def truth_of(group: str, described: str) -> dict[tuple[str, str], tuple[float, float]]:
     """The exact derivatives of a design and their standard errors, by direction and parameter."""
-    with (RESULTS / "gradients.csv").open(newline="") as file:
-        return {
-            (row["of"], row["parameter"]): (float(row["truth"]), float(row["truth_se"]))
-            for row in csv.DictReader(file)
-            if (row["group"], row["design"]) == (group, described)
-        }
+    return {
+        (row["of"], row["parameter"]): (float(row["truth"]), float(row["truth_se"]))
+        for row in kept(RESULTS / "gradients.csv")
+        if (row["group"], row["design"]) == (group, described)
+    }
 
 
 def main() -> None:
@@ -459,9 +458,10 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.lines:
         with jax.enable_x64(True):
-            keep("lines.csv", line_rows(max(16, round(256 * arguments.scale))))
+            save(line_rows(max(16, round(256 * arguments.scale))), RESULTS / "lines.csv")
         return
-    rows, grown = kept("estimators.csv"), kept("growth.csv")
+    rows: list[dict[str, Any]] = [*kept(RESULTS / "estimators.csv")]
+    grown: list[dict[str, Any]] = [*kept(RESULTS / "growth.csv")]
     done = {(row["group"], row["design"], row["estimator"]) for row in rows}
     compiled = set()
     for group, surrogate, space, designs in groups():
@@ -489,8 +489,9 @@ def main() -> None:
                     given = {"truth": value, "truth_se": error, "cpu": round(seconds, 2)}
                     rows.append(row | given)
                 print(f"{group}, {described}: {name}, {seconds:.0f} CPU s", flush=True)
-                keep("estimators.csv", rows)
-                keep("growth.csv", grown)
+                save(rows, RESULTS / "estimators.csv")
+                if grown:
+                    save(grown, RESULTS / "growth.csv")
     print(table([row for row in rows if row["group"] != EIGHT]))
     print(table([row for row in rows if row["group"] == EIGHT]))
     draw(rows, grown).savefig(RESULTS / "estimators.png", dpi=110)
@@ -512,24 +513,6 @@ def growth_rows(
                     row | {f"q{q:g}": f"{x:.4g}" for q, x in zip(QUANTILES, sizes, strict=True)}
                 )
     return found
-
-
-def kept(name: str) -> list[dict]:
-    """The rows of a CSV file of the results; none if there is none yet."""
-    if not (RESULTS / name).exists():
-        return []
-    with (RESULTS / name).open(newline="") as file:
-        return list(csv.DictReader(file))
-
-
-def keep(name: str, rows: list[dict]) -> None:
-    """Writes rows to a CSV file of the results."""
-    if not rows:
-        return
-    with (RESULTS / name).open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
 
 
 def dearness(rows: list[dict], name: str, of: str) -> float:
@@ -554,17 +537,8 @@ def table(rows: list[dict]) -> str:
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for name in dict.fromkeys(row["estimator"] for row in rows):
-        mine = [row for row in rows if row["estimator"] == name]
-        seconds = {(row["group"], row["design"]): float(row["cpu"]) for row in mine}
-        share = np.median([float(row["largest_share"]) for row in mine])
-        cells = [agreement(rows, name, of) for of in ("does", "eoen", "score")]
-        shown = [f"{cosine:.3f}, {slope:.2f} ± {se:.2f}" for cosine, slope, se, *_ in cells]
-        right, sure = (sum(cell[k] for cell in cells) for k in (3, 4))
         dear = [f"{dearness(rows, name, of):.3g}" for of in ("does", "eoen")]
-        lines.append(
-            f"| {name} | {np.mean(list(seconds.values())):.1f} | {' | '.join(shown)} "
-            f"| {right}/{sure} | {cells[2][5]:.4f} | {share:.3f} | {', '.join(dear)} |"
-        )
+        lines.append(f"| {' | '.join(cells_of(rows, name, 'cpu'))} | {', '.join(dear)} |")
     return "\n".join(lines)
 
 

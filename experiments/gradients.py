@@ -201,6 +201,30 @@ def agreement(rows: list[dict], name: str, of: str) -> tuple[float, float, float
     )
 
 
+def cells_of(rows: list[dict], name: str, seconds: str) -> list[str]:
+    """An estimator's line of a table: name, seconds of a design, agreement of each part, right
+    signs, standard error, largest share.
+
+    Arguments:
+        rows: of all estimators.
+        name: of the estimator.
+        seconds: which column they are.
+    """
+    mine = [row for row in rows if row["estimator"] == name]
+    designs = {(row["group"], row["design"]): float(row[seconds]) for row in mine}
+    share = np.median([float(row["largest_share"]) for row in mine])
+    cells = [agreement(rows, name, of) for of in ("does", "eoen", "score")]
+    right, sure = (sum(cell[k] for cell in cells) for k in (3, 4))
+    return [
+        name,
+        f"{np.mean(list(designs.values())):.1f}",
+        *(f"{cosine:.3f}, {slope:.2f} ± {se:.2f}" for cosine, slope, se, *_ in cells),
+        f"{right}/{sure}",
+        f"{cells[2][5]:.4f}",
+        f"{share:.3f}",
+    ]
+
+
 def table(rows: list[dict]) -> str:
     """The estimators' agreement as a Markdown table."""
     lines = [
@@ -209,16 +233,7 @@ def table(rows: list[dict]) -> str:
         "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for name in dict.fromkeys(row["estimator"] for row in rows):
-        mine = [row for row in rows if row["estimator"] == name]
-        designs = {(row["group"], row["design"]): float(row["seconds"]) for row in mine}
-        share = np.median([float(row["largest_share"]) for row in mine])
-        cells = [agreement(rows, name, of) for of in ("does", "eoen", "score")]
-        shown = [f"{c:.3f}, {s:.2f} ± {se:.2f}" for c, s, se, *_ in cells]
-        right, sure = (sum(cell[k] for cell in cells) for k in (3, 4))
-        lines.append(
-            f"| {name} | {np.mean(list(designs.values())):.1f} | {' | '.join(shown)} "
-            f"| {right}/{sure} | {cells[2][5]:.4f} | {share:.3f} |"
-        )
+        lines.append(f"| {' | '.join(cells_of(rows, name, 'seconds'))} |")
     return "\n".join(lines)
 
 

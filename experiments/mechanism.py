@@ -14,7 +14,6 @@ where it was; draws `results/mechanism.png` and, of single objects, `results/mec
 from __future__ import annotations
 
 import argparse
-import csv
 import math
 import threading
 import time
@@ -31,7 +30,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.stats import binomtest
 
-from experiments.readings import save
+from experiments.readings import kept, numbers, peak_of, save
 from pcjax.geometry import Vec
 from pcjax.model.drives.wrist import WristTilt
 from pcjax.model.hand import points_of
@@ -255,14 +254,8 @@ def rate(way: str, escapes: int, periods: int) -> Row:
 def peak(
     value: Float[np.ndarray, " angles"], covariance: Float[np.ndarray, "angles angles"]
 ) -> str:
-    """The angle of the highest value with its 95 % interval on the grid, from 4,000 draws of a
-    parametric bootstrap of the whole curve."""
-    angles = np.array(ANGLES)
-    draws = np.random.default_rng(0).multivariate_normal(
-        value, covariance, 4000, check_valid="ignore", method="svd"
-    )
-    low, high = np.quantile(angles[draws.argmax(axis=1)], [0.025, 0.975], method="inverted_cdf")
-    return f"{angles[value.argmax()]} [{low}, {high}]"
+    """The angle of the highest value with its 95 % interval, in words."""
+    return "{:g} [{:g}, {:g}]".format(*peak_of(np.array(ANGLES), value, covariance))
 
 
 # ----------------------------------------------------------------- what statics and a parabola say
@@ -400,11 +393,6 @@ def picked(rows: Sequence[Row], reading: str, gap_width: float, place: str) -> l
     return [r for r in rows if (r["reading"], r["gap_width"], r["place"]) == wanted]
 
 
-def numbers(rows: Sequence[Row], *names: str) -> Float[np.ndarray, "names rows"]:
-    """Columns as numbers, NaN where there is nothing."""
-    return np.array([[float(row[name] or math.nan) for row in rows] for name in names])
-
-
 def index1_of(rows: Sequence[Row], gap_width: float, reading: str, *ways: str) -> np.ndarray:
     """Index 1 by angle, were escapes as likely in every period after the first as they are on
     average, on some ways alone: a geometric law, cut at the limit."""
@@ -535,14 +523,6 @@ def draw_paths() -> Figure:
 
 
 # ------------------------------------------------------------------------------------------- run
-
-
-def kept(path: Path) -> list[Row]:
-    """The rows of the data file so far."""
-    if not path.exists():
-        return []
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def main() -> None:

@@ -174,16 +174,8 @@ def ratio_curve(
 
 
 def rows_of(line: Curve) -> Iterator[Row]:
-    """A curve's estimates with standard errors, its paired steps between neighbours, its peak.
-
-    The peak's 95 % interval, on the grid of angles, is from 4,000 draws of a parametric bootstrap.
-    """
-    rng = np.random.default_rng(0)
-    draws = rng.multivariate_normal(
-        line.value, line.covariance, 4000, check_valid="ignore", method="svd"
-    )
-    places = line.angle[draws.argmax(axis=1)]
-    low, high = np.quantile(places, [0.025, 0.975], method="inverted_cdf")
+    """A curve's estimates with standard errors, its paired steps between neighbours, its peak."""
+    peak, low, high = peak_of(line.angle, line.value, line.covariance)
     for k, angle in enumerate(line.angle):
         step, step_se = line.difference(angle, line.angle[k - 1]) if k else (math.nan, math.nan)
         yield {
@@ -192,10 +184,24 @@ def rows_of(line: Curve) -> Iterator[Row]:
             "se": f"{line.se[k]:.3g}",
             "step": f"{step:.4g}",
             "step_se": f"{step_se:.3g}",
-            "peak_deg": f"{line.angle[line.value.argmax()]:g}",
+            "peak_deg": f"{peak:g}",
             "peak_low_deg": f"{low:g}",
             "peak_high_deg": f"{high:g}",
         }
+
+
+def peak_of(
+    angle: Float[np.ndarray, " angles"],
+    value: Float[np.ndarray, " angles"],
+    covariance: Float[np.ndarray, "angles angles"],
+) -> tuple[float, float, float]:
+    """The angle of a curve's highest value, and its 95 % interval on the grid of angles, from 4,000
+    draws of a parametric bootstrap of the whole curve."""
+    draws = np.random.default_rng(0).multivariate_normal(
+        value, covariance, 4000, check_valid="ignore", method="svd"
+    )
+    low, high = np.quantile(angle[draws.argmax(axis=1)], [0.025, 0.975], method="inverted_cdf")
+    return float(angle[value.argmax()]), float(low), float(high)
 
 
 def main() -> None:
@@ -214,10 +220,7 @@ def main() -> None:
     common = {"trials": args.trials, "max_steps": args.max_steps}
     of_limits = {"trials": args.limit_trials, "max_steps": args.longest, "burn_in": args.burn_in}
     args.out.parent.mkdir(parents=True, exist_ok=True)
-    rows: list[Row] = []
-    if args.out.exists() and not args.redo:
-        with args.out.open(newline="") as file:
-            rows = list(csv.DictReader(file))
+    rows = [] if args.redo else kept(args.out)
 
     jobs = [("default", "")]
     for name, values in READINGS.items():
@@ -225,8 +228,8 @@ def main() -> None:
     todo = []
     for name, value in (*jobs, ("limit", "")):
         settings = of_limits if name == "limit" else common
-        kept = [r for r in rows if r["reading"] == name and value in (r["value"], "")]
-        made = {key: int(kept[0][key]) for key in settings} if kept else None
+        before = [r for r in rows if r["reading"] == name and value in (r["value"], "")]
+        made = {key: int(before[0][key]) for key in settings} if before else None
         if made not in (None, settings):
             parser.error(f"{args.out} was made with {made}: use these settings, or --redo")
         if made is None:
@@ -254,6 +257,14 @@ def save(rows: Sequence[Row], path: Path) -> None:
     unfinished.replace(path)
 
 
+def kept(path: Path) -> list[Row]:
+    """The rows of a data file; none if there is none yet."""
+    if not path.exists():
+        return []
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
 def by_curve(rows: Sequence[Row]) -> dict[tuple[str, str, str], list[Row]]:
     """The rows of each (reading, value, curve)."""
     groups: dict[tuple[str, str, str], list[Row]] = {}
@@ -263,8 +274,8 @@ def by_curve(rows: Sequence[Row]) -> dict[tuple[str, str, str], list[Row]]:
 
 
 def numbers(rows: Sequence[Row], *names: str) -> np.ndarray:
-    """Columns as numbers, one row of the array for each name."""
-    return np.array([[float(row[name]) for row in rows] for name in names])
+    """Columns as numbers, one row of the array for each name; NaN where there is nothing."""
+    return np.array([[float(row[name] or math.nan) for row in rows] for name in names])
 
 
 def report(rows: Sequence[Row]) -> None:

@@ -13,7 +13,6 @@ reading's gravity, for several coefficients of friction and circles that turn or
 from __future__ import annotations
 
 import argparse
-import csv
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,7 +24,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.readings import Row, numbers, rows_of, save
+from experiments.readings import Row, kept, numbers, rows_of, save
 from pcjax.model.presets import box_hand
 from pcjax.model.scenario import does
 from pcjax.paper import constants as paper
@@ -118,10 +117,7 @@ def draw(kept: dict[str, dict[str, xr.Dataset]]) -> Figure:
 def with_friction(path: Path, trials: int, seed: int) -> list[Row]:
     """The curves for each friction, those that are missing run anew."""
     made = {"trials": str(trials), "seed": str(seed)}
-    rows: list[Row] = []
-    if path.exists():
-        with path.open(newline="") as file:
-            rows = [row for row in csv.DictReader(file) if made.items() <= row.items()]
+    rows = [row for row in kept(path) if made.items() <= row.items()]
     known = {(row["friction"], row["turning"]) for row in rows}
     keys = [(gap_width, float(angle)) for gap_width, angles in FRICTION_PARTS for angle in angles]
     for friction, turning in FRICTIONS:
